@@ -20,7 +20,7 @@ import numpy as np
 
 from stereolag.assess.diagnosis import apply_remedy, quarters_upright
 from stereolag.assess.findings import Remedy
-from stereolag.assess.layout import Layout, in_words, likely_layout, views
+from stereolag.assess.layout import Layout, find_views, in_words, likely_layout, views
 from stereolag.assess.orientation import RowEvidence, find_correspondences, row_evidence
 from stereolag.core.arrays import FloatMap, Mask
 from stereolag.core.inputs import Image, as_stereo_pair
@@ -723,7 +723,7 @@ def remedied(pair: Pair, remedy: Remedy, memo: Memo = no_memo) -> Pair:
 def _apply_remedy(pair: Pair, remedy: Remedy) -> Pair:
     treated = replace(pair.id, remedies=(*pair.id.remedies, remedy))
     if remedy is Remedy.TURN_UPRIGHT:
-        quarters = quarters_upright(find_correspondences(pair.left, pair.right))
+        quarters = quarters_upright(find_views(find_correspondences(pair.left, pair.right)))
         arrays = _all_turned(pair, quarters)
         sentence = REMEDIES_DONE[remedy]
         return pair.after(remedy, sentence, **arrays, id=treated, calibration=None, turn=pair.turn + quarters)

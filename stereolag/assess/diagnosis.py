@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.assess.features import FEWEST_MATCHES, Correspondences
+from stereolag.assess.features import MIN_MATCHES, Correspondences
 from stereolag.assess.findings import (
-    BENT_PX,
-    SURE_SHARE,
+    MAX_BEND_PX,
+    MIN_SIDES_SHARE,
     Finding,
     FindingCode,
     Remedy,
@@ -30,18 +30,19 @@ from stereolag.assess.findings import (
     judged,
 )
 from stereolag.assess.layout import (
-    SURE_ORDER,
+    MIN_ORDER_SIGMAS,
     Anaglyph,
+    Views,
     depth_order,
     find_views,
-    flat,
+    fits_homography,
     likely_layout,
     mirrored_matches,
+    pure_rotation_deg,
     repetition,
-    turned_alone,
 )
 from stereolag.assess.orientation import (
-    LENS_LEFT,
+    MAX_HEALTHY_LENS,
     bend_of,
     best_rectification,
     find_correspondences,
@@ -57,7 +58,7 @@ from stereolag.assess.search_range import (
     range_for,
     reduced,
 )
-from stereolag.assess.uncalibrated import centre_of
+from stereolag.assess.uncalibrated import UncalibratedRectification, centre_of
 from stereolag.core.arrays import DoubleMap, median, percentiles
 from stereolag.core.inputs import (
     Image,
@@ -70,21 +71,21 @@ from stereolag.core.inputs import (
 from stereolag.core.jobs import COSTS, Estimate, check_memory
 from stereolag.geometry.rectification import turned
 
-TEXTURE_WINDOW = 11
+TEXTURE_WINDOW_PX = 11
 """Side of the windows in which texture is judged, px."""
 
-FLAT_DEVIATION = 0.01
+MAX_FLAT_DEVIATION = 0.01
 """A window has hardly any texture if its standard deviation is below this share of the image's grey-level range."""
 
-SURROUNDINGS = 1 / 15
-"""Side of the squares in which brightness is compared, as a share of the width: a view that is out of focus is not
-darker, nor has less contrast there."""
+EXPOSURE_SQUARE = 1 / 15
+"""Side of the squares in which exposure is compared, as a share of the width: defocus changes neither the brightness
+nor the contrast of their means."""
 
-MOST_TURNED = 45.0
-"""Degrees between both pictures beyond which nothing else is told of their geometry before they are level."""
+MAX_ROTATION_DEG = 45.0
+"""Rotation between both pictures above which no other geometry is judged before they are level, degrees."""
 
-SURELY = 2.0
-"""Standard deviations from 0 at which the sign of a disparity is certain."""
+MIN_SIGN_SIGMAS = 2.0
+"""Standard deviations from 0 above which the sign of a disparity is certain."""
 
 
 @dataclass(frozen=True)
@@ -96,11 +97,11 @@ class Diagnosis:
     findings
         One per question, in the order in which they should be fixed. The geometry (SWAPPED, ROWS, ROTATION, BENT_ROWS)
         is omitted with too few matched features, all but ROTATION if one image is on its side or upside down. LAYOUT is
-        asked only if another finding is ill; of a pair whose geometry is healthy the answer is known, as a wall of
-        bricks resembles itself. Arrangement (MIRRORED to NOT_SAME_MOMENT), geometry and range are omitted for identical
-        pictures; geometry and range also for an arrangement that is ill, and the range if the sides are swapped or it
-        cannot be determined. A remedy is offered only if a small copy of the pair has a plausible map after it, and a
-        better one than before.
+        judged only if another finding is ill, and is always healthy if the geometry is: a wall of bricks would resemble
+        two views. Arrangement (MIRRORED to NOT_SAME_MOMENT), geometry and range are omitted for identical pictures;
+        geometry and range also for an arrangement that is ill, and the range if the sides are swapped or it cannot be
+        determined. A remedy is offered only if a small copy of the pair has a plausible map after it, and a better one
+        than before.
     disparities
         The range of disparities in the pair as given, px, from a coarse semi-global search over 40 % of the width and
         from the matched features; None if it cannot be determined.
@@ -108,8 +109,8 @@ class Diagnosis:
         First disparity and number of disparities, a multiple of 16, of a search that covers them with a modest margin;
         None if it cannot be determined.
     repeats_px
-        Distance at which the left image repeats along its rows, px; 0 if it does not. A wider search finds each point
-        more than once.
+        Distance at which the left image repeats along its rows, px; 0 if it does not. A wider search finds several
+        matches for each point.
 
     Examples
     --------
@@ -142,7 +143,7 @@ class Diagnosis:
     def doubts(self) -> tuple[Finding, ...]:
         """Return the findings that make a map doubtful.
 
-        A search wider than needed only takes longer, unless it finds points of a repeating picture more than once.
+        A search wider than needed only takes longer, unless the picture repeats within it.
         """
         misleading = ("missing_px", "repeats_px")
         return tuple(one for one in self.ill if one.code != FindingCode.RANGE or any(map(one.numbers.get, misleading)))
@@ -152,10 +153,10 @@ class Diagnosis:
         return next((finding for finding in self.findings if finding.code == code), None)
 
     def over(self, searched: tuple[int, int] | None) -> Diagnosis:
-        """Return the diagnosis with another search range judged: first disparity and their number, px; None: none."""
-        rest = tuple(finding for finding in self.findings if finding.code != FindingCode.RANGE)
+        """Return the diagnosis for another search range: first disparity and number, px; None to judge no range."""
+        others = tuple(finding for finding in self.findings if finding.code != FindingCode.RANGE)
         judged = None if searched is None else judge_range(self, *searched)
-        return replace(self, findings=rest if judged is None else (*rest, judged))
+        return replace(self, findings=others if judged is None else (*others, judged))
 
 
 def diagnose(
@@ -173,8 +174,7 @@ def diagnose(
     Returns
     -------
     Diagnosis
-        Findings on identical pictures, swapped sides, row offset, rotation and scale, bent rows, exposure, texture and
-        search range.
+        Findings on the arrangement of the views, their geometry, exposure and texture, and the search range.
 
     Raises
     ------
@@ -204,86 +204,88 @@ def diagnose(
     images = as_stereo_pair(left, right)
     check_memory(estimate_diagnosis(images[0].shape, images[0].dtype))
     found = find_correspondences(*images)
-    points = found if len(found) >= FEWEST_MATCHES else None
-    grey, other = (as_grey(image) for image in images)
-    darkest, brightest = percentiles(grey, 1, 99)
+    points = found if len(found) >= MIN_MATCHES else None
+    left_grey, right_grey = (as_grey(image) for image in images)
+    darkest, brightest = percentiles(left_grey, 1, 99)
     range_of_greys = max(float(brightest - darkest), 1e-6)
-    difference = float(np.mean(np.abs(other.astype(np.float32) - grey.astype(np.float32)))) / range_of_greys
+    difference = float(np.mean(np.abs(right_grey.astype(np.float32) - left_grey.astype(np.float32)))) / range_of_greys
     moved = None if points is None else percentiles(np.hypot(points.dx, points.dy), 95).item()
     identical = judge_identical(difference, moved, found.scale)
     arrangement = _judge_arrangement(images, found) if identical.healthy else ()
-    upright = identical.healthy and all(finding.healthy for finding in arrangement)
-    geometry = _judge_geometry(images, points) if points is not None and upright else ()
-    sides_known = not geometry or any(one.healthy for one in geometry if one.code == FindingCode.SWAPPED)
-    seen = coarse_range(images[0], exposed_alike(*images, points), points) if upright and sides_known else None
+    side_by_side = identical.healthy and all(finding.healthy for finding in arrangement)
+    geometry = _judge_geometry(images, points) if points is not None and side_by_side else ()
+    sides_known = not geometry or any(finding.healthy for finding in geometry if finding.code == FindingCode.SWAPPED)
+    disparities = None
+    if side_by_side and sides_known:
+        disparities = coarse_range(images[0], with_left_exposure(*images, points), points)
     findings = (
         judge_matches(len(found)),
         identical,
         *arrangement,
         *geometry,
         judge_exposure(*_exposure(*images, points), (float(darkest), float(brightest))),
-        judge(FindingCode.TEXTURE, flat_share=_flat_share(grey, range_of_greys)),
+        judge(FindingCode.TEXTURE, flat_share=_flat_share(left_grey, range_of_greys)),
         judge(FindingCode.EMPTY_BORDER, left_share=_border_share(images[0]), right_share=_border_share(images[1])),
     )
     if any(not finding.healthy for finding in findings):
-        divided = None
-        if not (geometry and all(finding.healthy for finding in geometry)):  # else they are two views
-            with suppress(Anaglyph):  # both views are in its colours
-                divided = likely_layout(images[0])
-        layout = judge_layout(divided and divided[0])
+        likely = None
+        if not (geometry and all(finding.healthy for finding in geometry)):  # a healthy geometry is of two views
+            with suppress(Anaglyph):  # its views are not side by side
+                likely = likely_layout(images[0])
+        layout = judge_layout(likely and likely[0])
         if layout.healthy:
-            findings = tuple(_worth_offering(findings, images, found))
-        else:  # nothing else is to be mended
-            seen, findings = None, tuple(replace(one, remedy=None) for one in findings)
+            findings = tuple(_with_tried_remedies(findings, images, found))
+        else:  # the views must be divided first
+            disparities, findings = None, tuple(replace(finding, remedy=None) for finding in findings)
         findings = *findings[:2], layout, *findings[2:]
-    repeats = repetition(images[0]) if seen is not None else 0.0
-    width = images[0].shape[1]
-    examined = Diagnosis(findings, seen, None if seen is None else range_for(*seen, width, repeats), repeats)
-    return examined.over((min_disparity, num_disparities))
+    if disparities is None:
+        return Diagnosis(findings, None, None)
+    repeats = repetition(images[0])
+    suggested = range_for(*disparities, images[0].shape[1], repeats)
+    return Diagnosis(findings, disparities, suggested, repeats).over((min_disparity, num_disparities))
 
 
 def _judge_arrangement(images: tuple[Image, Image], found: Correspondences) -> tuple[Finding, ...]:
-    """Judge whether the pictures are of two cameras side by side, at one moment, and the same way round."""
+    """Judge whether the pictures are of two cameras side by side, of one moment, and neither is mirrored."""
     count = mirrored_matches(*images, len(found))
     mirrored = judge(FindingCode.MIRRORED, Remedy.MIRROR_RIGHT, count=count)
     if not mirrored.healthy:
         return (mirrored,)
-    angle = turned_alone(found)
+    angle = pure_rotation_deg(found)
     views = None if angle else find_views(found)
     if views is None:
         return mirrored, judge(FindingCode.ABOVE_EACH_OTHER, quarters=0), *judge_moments(None, angle)
     above = views.above_each_other
-    quarters = quarters_upright(found) if above else 0
-    stand = judge(FindingCode.ABOVE_EACH_OTHER, Remedy.TURN_UPRIGHT, quarters=quarters)
-    return mirrored, stand, *judge_moments(None if above else views.epipole)
+    quarters = quarters_upright(views) if above else 0
+    stacked = judge(FindingCode.ABOVE_EACH_OTHER, Remedy.TURN_UPRIGHT, quarters=quarters)
+    return mirrored, stacked, *judge_moments(None if above else views.epipole)
 
 
-def quarters_upright(found: Correspondences) -> int:
+def quarters_upright(views: Views | None) -> int:
     """Return the quarters of a turn, counter-clockwise, that bring cameras above each other side by side.
 
-    The upper camera sees points lower in its picture, and is to become the left one.
+    The upper camera, in whose picture points are lower, becomes the left one.
     """
-    views = find_views(found)
     return 1 if views is None or median(views.points.dy) < 0 else -1
 
 
 def _border_share(image: Image) -> float:
-    """Return the share of the pixels that no camera took, as for the matchers: transparent, or black up to the rim."""
+    """Return the share of the pixels that the matchers ignore: transparent ones, and black ones up to the border."""
     outside = transparent(with_border_transparent(image))
     return 0.0 if outside is None else float(outside.mean())
 
 
 def _flat_share(grey: Image, range_of_greys: float) -> float:
-    """Return the share of the pixels in surroundings with hardly any texture, a sky aside.
+    """Return the share of the pixels in surroundings with hardly any texture, not counting a sky.
 
-    A sky is flat, touches the upper edge and lies in the upper half: it is far away whatever is measured there.
+    A sky is flat, touches the upper edge and is in the upper half. It is at infinity whatever is measured there.
     """
-    flat = local_deviation(grey, TEXTURE_WINDOW) < FLAT_DEVIATION * range_of_greys
+    flat = local_deviation(grey, TEXTURE_WINDOW_PX) < MAX_FLAT_DEVIATION * range_of_greys
     count, parts = cv2.connectedComponents(flat.astype(np.uint8), connectivity=4)
-    above = np.zeros(count, np.bool_)
-    above[parts[0]] = True
-    above[0] = False
-    sky = above[parts]
+    touches_top = np.zeros(count, np.bool_)
+    touches_top[parts[0]] = True
+    touches_top[0] = False
+    sky = touches_top[parts]
     sky[flat.shape[0] // 2 :] = False
     ground = flat.size - int(np.count_nonzero(sky))
     return float(np.count_nonzero(flat & ~sky)) / max(1, ground)
@@ -292,8 +294,8 @@ def _flat_share(grey: Image, range_of_greys: float) -> float:
 def estimate_diagnosis(shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
     """Return the memory and time of :func:`diagnose` for two images of a shape, channels included, and dtype.
 
-    Every channel of the right image is fitted to the left one's exposure in float64; measuring texture takes maps in
-    float64. Features and coarse search cost the same at any size.
+    The exposure of every channel of the right image is matched in float64, and texture is measured in float64 maps. The
+    cost of features and of the coarse search does not depend on the size.
     """
     pixels, values = shape[0] * shape[1], int(np.prod(shape))
     copy = values * np.dtype(dtype).itemsize
@@ -301,7 +303,7 @@ def estimate_diagnosis(shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) 
 
 
 def judge_range(diagnosis: Diagnosis, min_disparity: int, num_disparities: int) -> Finding | None:
-    """Judge another search range, px, for a pair that has been examined; None if the sides or the range are unknown."""
+    """Judge another search range, px, for an examined pair; None if its sides or its range are unknown."""
     if diagnosis.disparities is None or diagnosis.suggested_range is None:
         return None
     (lowest, highest), suggested = diagnosis.disparities, diagnosis.suggested_range
@@ -328,72 +330,87 @@ def _judge_geometry(images: tuple[Image, Image], points: Correspondences) -> tup
     spread = 1.4826 * median(np.abs(points.dy - offset))
     (central, across, down), residuals = vertical_plane(points)
     grid, lens = bend_of(points)
-    bent, noise, ends = row_spread(residuals), match_noise(points, residuals), percentiles(residuals, 2, 98)
-    bend = float(np.std(grid))
-    doubted = max(bent, bend) * points.scale > BENT_PX or abs(lens) > LENS_LEFT
-    straight = best_rectification(points) if doubted else None
-    if bend > bent and (straight is not None or lens):
-        bent, ends = bend, percentiles(grid, 2, 98)
-    rows = judge_bent_rows(
-        bent,
-        noise if straight is None else min(noise, straight.spread_px),
+    matched_bend, noise = row_spread(residuals), match_noise(points, residuals)
+    bend, ends = matched_bend, percentiles(residuals, 2, 98)
+    grid_bend = float(np.std(grid))
+    doubtful = max(matched_bend, grid_bend) * points.scale > MAX_BEND_PX or abs(lens) > MAX_HEALTHY_LENS
+    rectification = best_rectification(points) if doubtful else None
+    if grid_bend > matched_bend and (rectification is not None or lens):
+        bend, ends = grid_bend, percentiles(grid, 2, 98)
+    bent_rows = judge_bent_rows(
+        bend,
+        noise if rectification is None else min(noise, rectification.spread_px),
         (float(ends[0]), float(ends[1])),
         points.scale,
-        None if straight is None else (straight.spread_px, straight.lens),
+        None if rectification is None else (rectification.spread_px, rectification.lens),
         lens=lens,
     )
     # The remedy for bent rows also corrects offset and rotation; that for a rotation also the offset.
-    turns = {"rotation_deg": math.degrees(math.atan2(across, 1 - down)), "scale": 1 / math.hypot(across, 1 - down)}
-    rotation = judge(FindingCode.ROTATION, Remedy.LEVEL if rows.remedy is None else None, **turns)
-    if abs(turns["rotation_deg"]) > MOST_TURNED:
+    numbers = {"rotation_deg": math.degrees(math.atan2(across, 1 - down)), "scale": 1 / math.hypot(across, 1 - down)}
+    rotation = judge(FindingCode.ROTATION, Remedy.LEVEL if bent_rows.remedy is None else None, **numbers)
+    if abs(numbers["rotation_deg"]) > MAX_ROTATION_DEG:
         return (rotation,)
-    if not rotation.healthy:  # the median of the matches would tell where they are, off the centre of the rotation
+    if not rotation.healthy:  # the median depends on where the matches are, unless they surround the rotation's centre
         offset = float(central)
-    alone = rows.remedy is None and rotation.healthy
-    moved = judge(FindingCode.ROWS, Remedy.ALIGN_ROWS if alone else None, offset_px=offset, spread_px=spread)
-    if straight is None or rows.remedy is None:
-        sides = judge_sides(*disparities_of(points))
-        if not sides.healthy:
-            left, right = apply_remedy(images[0], exposed_alike(*images, points), Remedy.LEVEL, found=points)
-            if depth_order(right, left) < -SURE_ORDER:  # pictures were cropped, or cameras turned: infinity is below 0
-                sides = replace(sides, healthy=True, remedy=None)
-        return sides, moved, rotation, rows
-    disparities, deviations = straight.disparities(points)
-    lowest, highest = percentiles(disparities, 2, 98)
-    shares = [float(np.mean(side * disparities > SURELY * deviations)) for side in (1, -1)]
-    in_front, behind = (0.0, 0.0) if max(shares) > SURE_SHARE and flat(points) else shares
-    sides = judge_raw_sides(float(lowest), float(highest), in_front, behind)
-    return sides, moved, rotation, rows
+    remedy = Remedy.ALIGN_ROWS if bent_rows.remedy is None and rotation.healthy else None
+    rows = judge(FindingCode.ROWS, remedy, offset_px=offset, spread_px=spread)
+    sides = _judge_sides(images, points, None if bent_rows.remedy is None else rectification)
+    return sides, rows, rotation, bent_rows
 
 
-TRIED_WIDTH, TRIED_NEAREST = 640, 0.4
-"""Width to which a pair is reduced to try a remedy, px, and the reach of that search, as a share of it."""
+def _judge_sides(
+    images: tuple[Image, Image], points: Correspondences, rectification: UncalibratedRectification | None
+) -> Finding:
+    """Judge whether the sides are swapped, after a rectification if there is one."""
+    if rectification is not None:
+        disparities, deviations = rectification.disparities(points)
+        lowest, highest = percentiles(disparities, 2, 98)
+        shares = [float(np.mean(sign * disparities > MIN_SIGN_SIGMAS * deviations)) for sign in (1, -1)]
+        in_front, behind = (0.0, 0.0) if max(shares) > MIN_SIDES_SHARE and fits_homography(points) else shares
+        return judge_raw_sides(float(lowest), float(highest), in_front, behind)
+    finding = judge_sides(*disparities_of(points))
+    if finding.healthy:
+        return finding
+    left, right = apply_remedy(images[0], with_left_exposure(*images, points), Remedy.LEVEL, found=points)
+    # Infinity is below 0 if pictures were cropped or cameras turned; then the exchanged pair has the wrong depth order.
+    exchange_is_wrong = depth_order(right, left) < -MIN_ORDER_SIGMAS
+    return replace(finding, healthy=True, remedy=None) if exchange_is_wrong else finding
 
-PLAUSIBLE, BETTER = 0.35, 0.01
-"""Least share of the pixels that are matched after a remedy, and by how much it must have risen: a fifth is matched in
-pictures of different scenes, and 0.39 and more in pairs that are mended."""
+
+TRIAL_WIDTH_PX = 640
+"""Width to which a pair is reduced to try a remedy, px."""
+
+TRIAL_REACH = 0.4
+"""Reach of the search in that trial, as a share of the width."""
+
+MIN_PLAUSIBLE_SHARE = 0.35
+"""Share of the pixels that must be matched after a remedy: a fifth is matched in pictures of different scenes, and 0.39
+and more in pairs with the right remedy."""
+
+MIN_SHARE_GAIN = 0.01
+"""Increase in that share due to the remedy."""
 
 
-def _worth_offering(
+def _with_tried_remedies(
     findings: tuple[Finding, ...], images: tuple[Image, Image], found: Correspondences
 ) -> Iterator[Finding]:
-    """Yield the findings, without the remedies that lead to no plausible map of a small copy, better than as given."""
+    """Yield the findings, without remedies after which a small copy has no plausible map, or no better one."""
     before: float | None = None
     for finding in findings:
-        # Swapped pictures are matched as well as given, and features tell which is the left one.
+        # Exchanged pictures match as well as given, and features show which is the left one.
         if finding.remedy is not None and finding.remedy is not Remedy.SWAP_SIDES:
             before = _share_matched(*images) if before is None else before
             after = _share_matched(*apply_remedy(*images, finding.remedy, found=found))
-            if after < max(PLAUSIBLE, before + BETTER):
-                yield replace(finding, remedy=None)
-                continue
-        yield finding
+            helps = after >= max(MIN_PLAUSIBLE_SHARE, before + MIN_SHARE_GAIN)
+            yield finding if helps else replace(finding, remedy=None)
+        else:
+            yield finding
 
 
 def _share_matched(left: Image, right: Image) -> float:
     """Return the share of the pixels of a small copy that are matched."""
-    small = reduced(left, TRIED_WIDTH), reduced(right, TRIED_WIDTH)
-    return float(np.isfinite(quick_map(*small, TRIED_NEAREST)).mean())
+    small = reduced(left, TRIAL_WIDTH_PX), reduced(right, TRIAL_WIDTH_PX)
+    return float(np.isfinite(quick_map(*small, TRIAL_REACH)).mean())
 
 
 def apply_remedy(
@@ -402,8 +419,8 @@ def apply_remedy(
     """Apply one remedy to a pair.
 
     The left image is unchanged, so that everything known about its pixels remains valid, except that swapping exchanges
-    the images, ``Remedy.TURN_UPRIGHT`` turns both, and ``Remedy.RECTIFY`` warps both. That and ``Remedy.LEVEL`` make
-    depth relative, as the cameras are unknown.
+    the images, ``Remedy.TURN_UPRIGHT`` turns both, and ``Remedy.RECTIFY`` warps both. ``Remedy.RECTIFY`` and
+    ``Remedy.LEVEL`` make depth relative, as the cameras are unknown.
 
     Parameters
     ----------
@@ -412,7 +429,7 @@ def apply_remedy(
     remedy
         The remedy of a :class:`Finding`.
     found
-        The matches between the images; by default they are looked for.
+        The matches between the images; by default they are found here.
 
     Returns
     -------
@@ -426,21 +443,23 @@ def apply_remedy(
         are matched to find the geometry; or if no rectification from the images alone brings the rows much closer.
     """
     left, right = as_stereo_pair(left, right)
-    if remedy is Remedy.SET_RANGE:
-        raise ValueError(f"remedy is '{remedy}', which changes the search range of a matcher, not an image.")
-    if remedy is Remedy.SWAP_SIDES:
-        return right, left
-    if remedy is Remedy.MIRROR_RIGHT:
-        return left, np.ascontiguousarray(right[:, ::-1])
+    match remedy:
+        case Remedy.SET_RANGE:
+            raise ValueError(f"remedy is '{remedy}', which changes the search range of a matcher, not an image.")
+        case Remedy.SWAP_SIDES:
+            return right, left
+        case Remedy.MIRROR_RIGHT:
+            return left, np.ascontiguousarray(right[:, ::-1])
     points = find_correspondences(left, right) if found is None else found
-    if remedy is Remedy.MATCH_EXPOSURE:
-        return left, exposed_alike(left, right, points)
-    if remedy is Remedy.TURN_UPRIGHT:
-        quarters = quarters_upright(points)
-        return turned(left, quarters), turned(right, quarters)
-    if len(points) < FEWEST_MATCHES:
+    match remedy:
+        case Remedy.MATCH_EXPOSURE:
+            return left, with_left_exposure(left, right, points)
+        case Remedy.TURN_UPRIGHT:
+            quarters = quarters_upright(find_views(points))
+            return turned(left, quarters), turned(right, quarters)
+    if len(points) < MIN_MATCHES:
         raise ValueError(
-            f"{len(points)} features were matched between the images; at least {FEWEST_MATCHES} are needed to align "
+            f"{len(points)} features were matched between the images; at least {MIN_MATCHES} are needed to align "
             "their rows."
         )
     if remedy is Remedy.RECTIFY:
@@ -474,21 +493,22 @@ def _levelling(points: Correspondences) -> DoubleMap:
 def _exposure(left: Image, right: Image, points: Correspondences | None) -> tuple[float, float]:
     """Return the gain, and the offset in grey levels, of ``right = gain * left + offset``.
 
-    They are compared around matched points, or as a whole if there are too few: the rims show different things.
+    They are compared around matched points, or as a whole if there are too few: each shows some areas that the other
+    does not.
     """
     samples: list[Image] = [as_grey(image).astype(np.float32) for image in (left, right)]
-    if points is not None and len(points) >= FEWEST_MATCHES:
-        side = max(5, round(SURROUNDINGS * left.shape[1]))
+    if points is not None and len(points) >= MIN_MATCHES:
+        side = max(5, round(EXPOSURE_SQUARE * left.shape[1]))
         samples = [
-            cv2.remap(cv2.blur(grey, (side, side)), where[:, 0], where[:, 1], cv2.INTER_LINEAR).ravel()
-            for grey, where in zip(samples, (points.left, points.right), strict=True)
+            cv2.remap(cv2.blur(grey, (side, side)), at[:, 0], at[:, 1], cv2.INTER_LINEAR).ravel()
+            for grey, at in zip(samples, (points.left, points.right), strict=True)
         ]
-    deviation = [float(np.std(sample)) for sample in samples]
-    gain = deviation[1] / deviation[0] if min(deviation) > 0 else 1.0
+    deviations = [float(np.std(sample)) for sample in samples]
+    gain = deviations[1] / deviations[0] if min(deviations) > 0 else 1.0
     return gain, float(np.mean(samples[1]) - gain * np.mean(samples[0]))
 
 
-def exposed_alike(left: Image, right: Image, points: Correspondences | None) -> Image:
+def with_left_exposure(left: Image, right: Image, points: Correspondences | None) -> Image:
     """Return the right image with its brightness and contrast fitted to the left image's, in its own dtype."""
     gain, offset = _exposure(left, right, points)
     fitted = (right.astype(np.float64) - offset) / gain

@@ -1,4 +1,4 @@
-"""Why a pixel was matched as it was, or left blank, and example pixels for each kind of match."""
+"""The reason why a pixel was matched as it was or left blank, and example pixels for each kind of match."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ Surface: TypeAlias = npt.NDArray[np.float64]
 Lag: TypeAlias = tuple[int, int]
 """(dy, dx), right minus left, px."""
 
-SAME_TOP = 0.02
-"""Twice the distance, px, up to which two maxima count as the same: the compiled fit approximates its logarithms."""
+SAME_PEAK_PX = 0.01
+"""Distance up to which two maxima are the same, px: the compiled fit approximates its logarithms."""
 
 
-def window_start(at: int, end: int, size: int, step: int) -> int:
+def window_start(pixel: int, length: int, size: int, step: int) -> int:
     """Return the start of the window whose cell contains the pixel; near the border, of the nearest whole window."""
-    return int(np.clip((at - (size - step) // 2) // step, 0, (end - size) // step)) * step
+    return int(np.clip((pixel - (size - step) // 2) // step, 0, (length - size) // step)) * step
 
 
 def best_match(surface: Surface, query: WindowQuery) -> tuple[Lag | None, FloatMap]:
@@ -41,16 +41,15 @@ def best_match(surface: Surface, query: WindowQuery) -> tuple[Lag | None, FloatM
     nothing = np.full((1 + 2 * vertical, 3), np.nan, np.float32)
     if np.isnan(surface).all():
         return None, nothing
-    highest = float(np.nanmax(surface))
     dy, dx = lags.ranked()
-    first = np.argmax(surface[dy - lags.dy_first, dx - lags.dx_first] >= highest)
+    first = np.argmax(surface[dy - lags.dy_first, dx - lags.dx_first] >= np.nanmax(surface))
     row, col = int(dy[first]) - lags.dy_first, int(dx[first]) - lags.dx_first
     framed = np.pad(surface, 1, mode="wrap") if query.circular else np.pad(surface, 1, constant_values=np.nan)
     around = framed[row + 1 - vertical : row + 2 + vertical, col : col + 3].astype(np.float32)
     return (int(dy[first]), int(dx[first])), around
 
 
-def highest(surface: Surface, lags: LagRange) -> Lag | None:
+def highest_lag(surface: Surface, lags: LagRange) -> Lag | None:
     """Return the first lag with the highest score; None without a candidate."""
     if np.isnan(surface).all():
         return None
@@ -64,7 +63,7 @@ def score_at(surface: Surface, lags: LagRange, lag: Lag | None) -> float:
 
 
 def _section(values: Surface, offset: tuple[float, float]) -> tuple[float, float, float] | None:
-    """Return height, slope and bend along dx of the paraboloid fitted to (3, 3) values, at the dy of its maximum.
+    """Return value, slope and bend along dx, at dx 0, of the paraboloid fitted to (3, 3) values, at its maximum's dy.
 
     None if its maximum differs from `offset`, which was then fitted to the row alone, or if there is only one row.
     """
@@ -72,18 +71,18 @@ def _section(values: Surface, offset: tuple[float, float]) -> tuple[float, float
         return None
     dy, dx = np.mgrid[-1:2, -1:2].reshape(2, -1).astype(np.float64)
     terms = np.column_stack([np.ones(9), dx, dx**2, dy, dy**2, dx * dy])
-    height, slope, bend, slope_y, bend_y, twist = np.linalg.lstsq(terms, values.ravel(), rcond=None)[0]
-    at = offset[0]
-    section = height + slope_y * at + bend_y * at**2, slope + twist * at, bend
-    return section if abs(section[1] + 2 * bend * offset[1]) < SAME_TOP * abs(bend) else None
+    value, slope, bend, slope_y, bend_y, twist = np.linalg.lstsq(terms, values.ravel(), rcond=None)[0]
+    y, x = offset
+    section = value + slope_y * y + bend_y * y**2, slope + twist * y, bend
+    return section if abs(section[1] + 2 * bend * x) < 2 * SAME_PEAK_PX * abs(bend) else None
 
 
 def passes(scores: Surface, peak: tuple[int, int], *, wrapped: bool = False) -> Surface:
-    """Return, for every lag, the height of the pass to it: the lowest score on the best path from the peak.
+    """Return the height of the pass to every lag: the lowest score on the best path from the peak.
 
-    It equals the lag's own score where the path from the peak never climbs. Elsewhere the lag is on another hill, which
-    rises above the pass by the difference. This is the greyscale reconstruction of `scores` from the peak (Vincent
-    1993), for searches along the row as well as in both directions.
+    It equals the lag's own score if the path never climbs. Otherwise the lag is on another hill, which rises above the
+    pass by the difference. This is the greyscale reconstruction of `scores` from the peak (Vincent 1993), for searches
+    along the row as well as in both directions.
 
     Parameters
     ----------
@@ -100,17 +99,17 @@ def passes(scores: Surface, peak: tuple[int, int], *, wrapped: bool = False) -> 
         (n_dy, n_dx) float64; NaN where there is no candidate, and the lowest score of all where no path leads.
     """
     known = np.isfinite(scores)
-    ground = np.where(known, scores, -np.inf)
-    lowest = float(ground[known].min())
-    reached = np.full(scores.shape, -np.inf)
-    reached[peak] = ground[peak]
+    terrain = np.where(known, scores, -np.inf)
+    lowest = float(terrain[known].min())
+    heights = np.full(scores.shape, -np.inf)
+    heights[peak] = terrain[peak]
     while True:
-        framed = np.pad(reached, 1, mode="wrap") if wrapped else np.pad(reached, 1, constant_values=-np.inf)
-        spread = cv2.dilate(framed, np.ones((3, 3), np.uint8))[1:-1, 1:-1]
-        farther = np.minimum(spread, ground)
-        if np.array_equal(farther, reached):
-            return np.where(known, np.maximum(reached, lowest), np.nan)
-        reached = farther
+        framed = np.pad(heights, 1, mode="wrap") if wrapped else np.pad(heights, 1, constant_values=-np.inf)
+        dilated = cv2.dilate(framed, np.ones((3, 3), np.uint8))[1:-1, 1:-1]
+        spread = np.minimum(dilated, terrain)
+        if np.array_equal(spread, heights):
+            return np.where(known, np.maximum(heights, lowest), np.nan)
+        heights = spread
 
 
 def lobe(scores: Surface, heights_of_passes: Surface, dip: float) -> npt.NDArray[np.bool_]:
@@ -149,10 +148,10 @@ def beyond_lobe(
         return None, float("nan"), float("nan")
     row, col = peak[0] - lags.dy_first, peak[1] - lags.dx_first
     heights = passes(surface, (row, col), wrapped=wrapped)
-    own = lobe(surface, heights, dip)
-    second = highest(np.where(own, np.nan, surface), lags)
-    own[max(0, row - 1) : row + 2, max(0, col - 1) : col + 2] = False
-    return second, score_at(heights, lags, second), float(surface[own].max()) if own.any() else float("nan")
+    flank = lobe(surface, heights, dip)
+    runner_up = highest_lag(np.where(flank, np.nan, surface), lags)
+    flank[max(0, row - 1) : row + 2, max(0, col - 1) : col + 2] = False
+    return runner_up, score_at(heights, lags, runner_up), float(surface[flank].max()) if flank.any() else float("nan")
 
 
 class MatchKind(StrEnum):
@@ -167,9 +166,9 @@ class MatchKind(StrEnum):
     BARE = "bare"
     """A low score in a window with little contrast."""
     UNLIKE = "unlike"
-    """A low score in a window with contrast: nothing in the search area looks like it."""
+    """A low score in a window with contrast: nothing in the search area resembles it."""
     AT_EDGE = "at_edge"
-    """The best score is at the edge of the search area or of the image: there may be a better one beyond."""
+    """The best score is at the edge of the search area or of the image, beyond which there may be a better one."""
     NOTHING = "nothing"
     """No lag could be scored."""
 
@@ -197,14 +196,14 @@ class MatchExplanation:
         The lowest score on the best path from the peak to the runner-up; NaN without a runner-up.
     flank_score
         The best score in the peak's lobe more than 1 px from it; NaN if there is none.
-    as_good
-        Scores that differ by less count as equal, and a shallower valley does not count as one.
+    score_tolerance
+        Scores that differ by less count as equal; a dip in the scores that is no deeper is not a valley.
     at_edge
         Whether the map rejects the peak: a lag one pixel outside the search area scores higher, or the matching window
         touches the border of the right image.
     around
         (3, 3) float32 scores around the peak, or (1, 3) for a search along the row, as the matcher fits them. One extra
-        lag is scored at each end of the search, so that every searched lag has neighbours; NaN = no candidate.
+        lag is scored at either end of the search, so that every searched lag has neighbours; NaN = no candidate.
     offset
         (dy, dx) from the peak to the sub-pixel peak, px, from :func:`~stereolag.stereo.windows.pixels.fit_peaks`; 0
         at the edge.
@@ -225,7 +224,7 @@ class MatchExplanation:
     runner_up_score: float
     valley: float
     flank_score: float
-    as_good: float
+    score_tolerance: float
     at_edge: bool
     around: FloatMap
     offset: tuple[float, float]
@@ -265,18 +264,18 @@ class MatchExplanation:
         section of the two-dimensional Gaussian fitted to the nine scores, at the dy of its maximum. If a score is not
         positive, a parabola or paraboloid is fitted instead. It is NaN if a neighbour is missing.
         """
-        at, scores = np.asarray(offsets, dtype=np.float64), self.around.astype(np.float64)
-        middle = scores[len(scores) // 2]
-        if self.at_edge or not np.isfinite(middle).all():
-            return np.full(at.shape, np.nan)
+        dx, scores = np.asarray(offsets, dtype=np.float64), self.around.astype(np.float64)
+        row = scores[len(scores) // 2]
+        if self.at_edge or not np.isfinite(row).all():
+            return np.full(dx.shape, np.nan)
         gaussian = bool((scores > 0).all())
         section = _section(np.log(scores) if gaussian else scores, self.offset)
         if section is None:
-            gaussian = bool((middle > 0).all())
-            low, top, high = np.log(middle) if gaussian else middle
-            section = top, (high - low) / 2, (low - 2 * top + high) / 2
-        height, slope, bend = section
-        curve = height + slope * at + bend * at**2
+            gaussian = bool((row > 0).all())
+            before, peak, after = np.log(row) if gaussian else row
+            section = peak, (after - before) / 2, (before - 2 * peak + after) / 2
+        value, slope, bend = section
+        curve = value + slope * dx + bend * dx**2
         return np.asarray(np.exp(curve) if gaussian else curve)
 
     @property
@@ -294,22 +293,23 @@ class MatchExplanation:
             return MatchKind.AT_EDGE
         if self.score == "zncc" and self.peak_score < POOR_SCORE:
             return MatchKind.BARE if self.contrast < BARE_CONTRAST else MatchKind.UNLIKE
-        if self.peak_score - self.runner_up_score < max(self.as_good, RIVAL_SHARE * (self.peak_score - self.valley)):
+        least_lead = max(self.score_tolerance, RIVAL_SHARE * (self.peak_score - self.valley))
+        if self.peak_score - self.runner_up_score < least_lead:
             return MatchKind.REPEATS
-        return MatchKind.SMOOTH if self.peak_score - self.flank_score < self.as_good else MatchKind.CLEAR
+        return MatchKind.SMOOTH if self.peak_score - self.flank_score < self.score_tolerance else MatchKind.CLEAR
 
 
 AMBIGUOUS_MARGIN = 0.03
 """Scores that differ by a smaller share count as equal; for "ncc", a share of the part not due to the mean."""
 
 RIVAL_SHARE = 0.1
-"""A second peak counts as equal to the first if it is lower by less than this share of the valley's depth."""
+"""A second peak counts as equal to the first if it is lower by less than this share of the valley's depth below it."""
 
 BARE_CONTRAST = 0.1
 """A window with less than this share of the image's contrast counts as bare."""
 
 POOR_SCORE = 0.6
-"""A lower ZNCC peak is hardly better than chance for a window of a hundred pixels or so."""
+"""A ZNCC peak below this is hardly better than chance for a window of a hundred pixels or so."""
 
 
 def explain_match(
@@ -339,25 +339,25 @@ def explain_match(
         )
     size = matcher.window_size
     check_window(size, (height, width))
-    top, start = (window_start(at, end, size, matcher.step) for at, end in ((row, height), (col, width)))
+    top, start = window_start(row, height, size, matcher.step), window_start(col, width, size, matcher.step)
     grey = rescale_extreme_floats(as_grey(images[0]), as_grey(images[1]))
     query = replace(matcher.query(*grey), runner_up=False, right_matches=False)
-    every_score = score_surface(query, top, start)
-    best, around = best_match(every_score, query)
-    tried, asked = query.lags, matcher.search.lags(size)
-    surface = every_score[
-        asked.dy_first - tried.dy_first : asked.dy_last - tried.dy_first + 1,
-        asked.dx_first - tried.dx_first : asked.dx_last - tried.dx_first + 1,
+    guarded_surface = score_surface(query, top, start)
+    best, around = best_match(guarded_surface, query)
+    guarded, asked = query.lags, matcher.search.lags(size)
+    surface = guarded_surface[
+        asked.dy_first - guarded.dy_first : asked.dy_last - guarded.dy_first + 1,
+        asked.dx_first - guarded.dx_first : asked.dx_last - guarded.dx_first + 1,
     ]
     dy, dx = np.arange(asked.dy_first, asked.dy_last + 1), np.arange(asked.dx_first, asked.dx_last + 1)
     inside = best is not None and best[0] in dy and best[1] in dx
-    peak = best if inside else highest(surface, asked)
+    peak = best if inside else highest_lag(surface, asked)
     window = grey[0][top : top + size, start : start + size].astype(np.float64)
-    as_good = AMBIGUOUS_MARGIN * abs(score_at(surface, asked, peak))
+    tolerance = AMBIGUOUS_MARGIN * abs(score_at(surface, asked, peak))
     if matcher.score == "ncc":
-        as_good *= float(window.var() / (np.mean(window**2) or 1.0))
-    second, valley, flank = beyond_lobe(surface, asked, peak, as_good, wrapped=query.circular)
-    # The matching window has a neighbour outside the right image in a searched direction.
+        tolerance *= float(window.var() / (np.mean(window**2) or 1.0))
+    runner_up, valley, flank_score = beyond_lobe(surface, asked, peak, tolerance, wrapped=query.circular)
+    # In a searched direction, the matching window has a neighbour outside the right image.
     at_frame = peak is not None and (
         start + peak[1] in (0, width - size) or (asked.rows > 1 and top + peak[0] in (0, height - size))
     )
@@ -365,17 +365,17 @@ def explain_match(
     offset_dy, offset_dx = (0.0, 0.0) if at_edge else (float(one[0, 0]) for one in fit_peaks(around[:, :, None, None]))
     return MatchExplanation(
         window=Box(top, start, size, size),
-        search=_reached(top, start, size, asked, (height, width)),
+        search=_search_area(top, start, size, asked, (height, width)),
         surface=surface,
         dy=dy,
         dx=dx,
         peak=peak,
-        runner_up=second,
+        runner_up=runner_up,
         peak_score=float(around[len(around) // 2, 1]) if inside else score_at(surface, asked, peak),
-        runner_up_score=score_at(surface, asked, second),
+        runner_up_score=score_at(surface, asked, runner_up),
         valley=valley,
-        flank_score=flank,
-        as_good=as_good,
+        flank_score=flank_score,
+        score_tolerance=tolerance,
         at_edge=at_edge,
         around=around,
         offset=(offset_dy, offset_dx),
@@ -392,14 +392,14 @@ def with_rows_around(matcher: CorrelationMatcher, rows: int) -> CorrelationMatch
     return matcher.model_copy(update={"search": matcher.search.model_copy(update={"vertical": rows})})
 
 
-def _reached(top: int, start: int, size: int, lags: LagRange, shape: tuple[int, int]) -> Box:
-    """Return the part of the right image that a window is searched in."""
+def _search_area(top: int, start: int, size: int, lags: LagRange, shape: tuple[int, int]) -> Box:
+    """Return the part of the right image in which a window is searched for."""
     first_row, end_row = max(0, top + lags.dy_first), min(shape[0], top + size + lags.dy_last)
     first_col, end_col = max(0, start + lags.dx_first), min(shape[1], start + size + lags.dx_last)
     return Box(first_row, first_col, end_row - first_row, max(0, end_col - first_col))
 
 
-FILTERS: tuple[tuple[Reason, str, int], ...] = (
+OPENCV_FILTERS: tuple[tuple[Reason, str, int], ...] = (
     (Reason.SPECKLE, "speckle_window_size", 0),
     # StereoSGBM reads a tolerance of -1 or 0 as 1; only a tolerance that no two disparities exceed disables the check.
     (Reason.LEFT_RIGHT, "disp12_max_diff", 1 << 20),
@@ -415,15 +415,15 @@ def blank_reasons(
     """Return the reason of every pixel of a map, (H, W) uint8, inferring those of blank pixels for OpenCV's matchers.
 
     This library's own matchers record their reasons. For OpenCV's, the pair is matched again with the filters switched
-    off one after another, from the last to the first: the filter whose absence brings a pixel back had blanked it. A
-    pixel that no filter blanked is too close to the border for the search. `progress` is told after every run.
+    off one after another, from the last to the first: a pixel that returns was blanked by the filter just switched off.
+    A pixel that no filter blanked is too close to the border for the search. `progress` is called after every run.
     """
     matcher = result.settings
     if matcher.gives_reasons:
         return result.reason
     reason = np.where(result.valid, result.reason, Reason.OUT_OF_FRAME).astype(np.uint8)
     unexplained = ~result.valid
-    switches = [one for one in FILTERS if one[1] in type(matcher).model_fields]
+    switches = [one for one in OPENCV_FILTERS if one[1] in type(matcher).model_fields]
     for done, (cause, setting, switched_off) in enumerate(switches, start=1):
         # Not validated: the value that disables the left-right check is outside the setting's range.
         matcher = matcher.model_copy(update={setting: switched_off})
@@ -438,7 +438,7 @@ Pixel = tuple[int, int]
 
 
 class ExampleKind(StrEnum):
-    """The kinds of example: those of :class:`MatchKind`, and a point that a nearer object hides from the right view."""
+    """The kinds of example: some of :class:`MatchKind`, and a point that a nearer object hides from the right view."""
 
     CLEAR = "clear"
     REPEATS = "repeats"
@@ -446,21 +446,21 @@ class ExampleKind(StrEnum):
     HIDDEN = "hidden"
 
 
-LOOKED_AT = 150
-"""Number of candidate windows examined, the most promising first."""
+MAX_CANDIDATES = 150
+"""Largest number of windows examined in each group, the most promising first."""
 
-CONFUSABLE = 0.1
-"""Windows whose two best scores differ by less than this share may show a repeating pattern."""
+MAX_CONFUSABLE_LEAD = 0.1
+"""Windows whose two best scores differ by less than this share of the best may show a repeating pattern."""
 
-DEEP_VALLEY = 0.5
-"""In a repeating pattern the scores fall at least half the way to their lowest between one repetition and the next."""
+MIN_VALLEY_DEPTH = 0.5
+"""Between two repetitions of a pattern, scores fall by at least this share of the way to their lowest."""
 
-FLANK_FALL = 1.5
-"""On the flank of a parabola, the best score more than 1 px away is at least twice as far below the peak as the peak's
-neighbours are on average; a second peak can be closer to it."""
+MAX_SECOND_PEAK_FALL = 1.5
+"""A runner-up is a second peak if it is below the peak by less than this many times the mean fall to the peak's
+neighbours: on the flank of a parabola it is at least twice."""
 
-NARROWEST_HIDDEN = 3
-"""Width of a hidden strip beside a near object, px; narrower holes come from rounding."""
+MIN_HIDDEN_PX = 3
+"""Width from which a gap is a strip hidden by a near object, px; narrower ones are due to rounding."""
 
 
 def example_pixel(
@@ -477,17 +477,17 @@ def example_pixel(
     """
     images = as_stereo_pair(left, right)
     if kind is ExampleKind.HIDDEN:
-        # Mirrored, the right image plays the left one; mirrored back, its map belongs to the right image's pixels.
+        # Mirrored, the right image is a left one; mirrored back, its map is that of the right image's pixels.
         mirrored = (np.ascontiguousarray(image[:, ::-1]) for image in images[::-1])
         strips = _hidden_strips(matcher.compute(*mirrored, progress=progress).disparity[:, ::-1])
-        depth = cv2.distanceTransform(strips.astype(np.uint8), cv2.DIST_L2, 5)
-        middle = divmod(int(np.argmax(depth)), depth.shape[1])
-        return middle if 2 * float(depth.max()) >= NARROWEST_HIDDEN else None
+        from_edge = cv2.distanceTransform(strips.astype(np.uint8), cv2.DIST_L2, 5)
+        middle = divmod(int(np.argmax(from_edge)), from_edge.shape[1])
+        return middle if 2 * float(from_edge.max()) >= MIN_HIDDEN_PX else None
     left, right = (as_grey(image) for image in images)
     size, step = matcher.window_size, max(2, matcher.window_size // 4)
     query = replace(matcher.query(left, right), step=step, runner_up=True, right_matches=False)
-    by_spectrum = query.circular or query.score == "phase"
-    engine = "fft" if by_spectrum else cheaper_engine(left.shape, size, step, query.lags)
+    needs_spectrum = query.circular or query.score == "phase"
+    engine = "fft" if needs_spectrum else cheaper_engine(left.shape, size, step, query.lags)
     matches = find_matches(query, engine, progress)
     merits, wanted = _merits(kind, matches, float(left.std()))
     # Windows whose search along the row stays within the image come first.
@@ -495,18 +495,18 @@ def example_pixel(
     whole = (start + lags.dx_first >= 0) & (start + size + lags.dx_last <= left.shape[1])
     promising = [window for merit in merits for window in _highest_first(merit)]
     for window in sorted(promising, key=lambda window: not whole[window % whole.size]):
-        row, col = (int(at) * step + (size - 1) // 2 for at in np.unravel_index(window, matches.score.shape))
-        seen = explain_match(matcher, *images, row, col)
-        if seen.kind in wanted and (kind is not ExampleKind.REPEATS or seen.valley_depth > DEEP_VALLEY):
+        row, col = (int(index) * step + (size - 1) // 2 for index in np.unravel_index(window, matches.score.shape))
+        match = explain_match(matcher, *images, row, col)
+        if match.kind in wanted and (kind is not ExampleKind.REPEATS or match.valley_depth > MIN_VALLEY_DEPTH):
             return row, col
     return None
 
 
 def _merits(kind: ExampleKind, matches: WindowMatches, deviation: float) -> tuple[Sequence[FloatMap], set[MatchKind]]:
-    """Return how promising each window is as an example, in groups one after another, and the matches wanted.
+    """Return how promising each window is as an example, in groups, the best group first, and the kinds wanted.
 
     Bare windows without any match come before those of a smooth sky, then others with little texture. A repeating
-    pattern has textured windows with two equal peaks; if the runner-up is on the peak's flank, it has none.
+    pattern has textured windows with two equal peaks; a runner-up on the peak's flank is not a second peak.
     """
     score, around = matches.score, matches.around
     if kind is ExampleKind.BARE:
@@ -514,45 +514,44 @@ def _merits(kind: ExampleKind, matches: WindowMatches, deviation: float) -> tupl
         groups = np.where(bare, -np.nan_to_num(score, nan=-1.0), np.nan), np.where(bare, np.nan, -matches.texture)
         return groups, {MatchKind.BARE, MatchKind.SMOOTH, MatchKind.NOTHING}
     assert matches.runner_up is not None
-    behind = score - matches.runner_up
+    lead = score - matches.runner_up
     if kind is ExampleKind.CLEAR:
-        return [behind], {MatchKind.CLEAR}
+        return [lead], {MatchKind.CLEAR}
     falls = [score - around[len(around) // 2, [0, 2]].mean(axis=0)]
     if len(around) > 1:
         falls.append(score - around[[0, 2], 1].mean(axis=0))
-    confusable = (behind < CONFUSABLE * np.abs(score)) & (behind < FLANK_FALL * np.minimum.reduce(falls))
-    textured = (CONFUSABLE * np.abs(score) - behind) * np.sqrt(matches.texture)
-    return [np.where(confusable, textured, np.nan)], {MatchKind.REPEATS}
+    second_peak = lead < MAX_SECOND_PEAK_FALL * np.minimum.reduce(falls)
+    confusable = (lead < MAX_CONFUSABLE_LEAD * np.abs(score)) & second_peak
+    merit = (MAX_CONFUSABLE_LEAD * np.abs(score) - lead) * np.sqrt(matches.texture)
+    return [np.where(confusable, merit, np.nan)], {MatchKind.REPEATS}
 
 
 def _highest_first(merit: FloatMap) -> list[int]:
     known = np.flatnonzero(np.isfinite(merit))
-    most: list[int] = known[np.argsort(merit.ravel()[known])[::-1]][:LOOKED_AT].tolist()
-    return most
+    return list(known[np.argsort(merit.ravel()[known])[::-1]][:MAX_CANDIDATES].tolist())
 
 
 def _hidden_strips(right_disparity: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
-    """Return the (H, W) pixels of the left image that the right camera cannot see, from the right image's map.
+    """Return the (H, W) mask of pixels of the left image that the right camera cannot see, from the right image's map.
 
     No pixel of the right image is matched to them, and the gap is as wide as the rise in disparity across it: a nearer
-    object hides exactly that much of the background. Other gaps are mismatches.
+    object hides a strip of the background of exactly that width. Other gaps are mismatches.
     """
     left_disparity = np.full_like(right_disparity, -np.inf)
     rows, cols = np.nonzero(np.isfinite(right_disparity))
-    there = np.rint(cols + right_disparity[rows, cols]).astype(np.intp)
-    inside = (there >= 0) & (there < right_disparity.shape[1])
-    rows, cols, there = rows[inside], cols[inside], there[inside]
-    np.maximum.at(left_disparity, (rows, there), right_disparity[rows, cols])  # the nearer one occludes
-
+    left_cols = np.rint(cols + right_disparity[rows, cols]).astype(np.intp)
+    inside = (left_cols >= 0) & (left_cols < right_disparity.shape[1])
+    rows, cols, left_cols = rows[inside], cols[inside], left_cols[inside]
+    np.maximum.at(left_disparity, (rows, left_cols), right_disparity[rows, cols])  # the nearer one occludes
     gap = np.isneginf(left_disparity)
     left_disparity[gap] = np.nan
     gap[:, [0, -1]] = False  # a gap at the border has no other side
     change = np.diff(gap.astype(np.int8), axis=1)
     (row, before), (_, last) = np.nonzero(change == 1), np.nonzero(change == -1)
     width = last - before
-    growth = left_disparity[row, last + 1] - left_disparity[row, before]
-    hides = (width >= NARROWEST_HIDDEN) & (np.abs(growth - width) <= 1 + width / 4)
+    rise = left_disparity[row, last + 1] - left_disparity[row, before]
+    hidden = (width >= MIN_HIDDEN_PX) & (np.abs(rise - width) <= 1 + width / 4)
     strips = np.zeros(gap.shape, dtype=np.bool_)
-    for at, start, end in zip(row[hides], before[hides] + 1, last[hides] + 1, strict=True):
-        strips[at, start:end] = True
+    for y, start, end in zip(row[hidden], before[hidden] + 1, last[hidden] + 1, strict=True):
+        strips[y, start:end] = True
     return strips

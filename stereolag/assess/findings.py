@@ -1,4 +1,4 @@
-"""The findings of the input doctor: codes and numbers, with the limits of what is healthy, and the remedies."""
+"""The findings of the input doctor, as codes and numbers: the limits of the healthy ones, and the remedies."""
 
 from __future__ import annotations
 
@@ -9,23 +9,31 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Any
 
-from stereolag.assess.features import FEWEST_MATCHES
+from stereolag.assess.features import MIN_MATCHES
 from stereolag.assess.layout import Epipole, Layout
-from stereolag.assess.orientation import LENS_LEFT
+from stereolag.assess.orientation import MAX_HEALTHY_LENS
 
-BENT_PX = 0.6
-"""Beyond noise, at the size at which features were matched, which limits the precision. Public drives, rectified by
-their makers, bend by up to 0.57 px."""
-SAME_GREYS = 0.002
-"""Mean difference up to which two pictures count as identical, as a share of the image's grey-level range."""
-SAME_PLACE_PX = 0.35
-"""Largest displacement of features between identical views, at the size at which they were matched."""
-GAIN_DIFFERENCE, BRIGHTNESS_SHARE = 0.10, 0.04
-"""Difference in contrast that is healthy, and in brightness, as a share of the image's grey-level range."""
+MAX_BEND_PX = 0.6
+"""Largest healthy spread of bent rows beyond noise, px at the size at which features were matched, which limits the
+precision. Public drives, rectified by their makers, bend by up to 0.57 px."""
 
-SURE_SHARE, UNSURE_SHARE = 0.7, 0.1
-"""The sides of a raw pair are known if more than the first share of its features agree and less than the second
-disagree."""
+MAX_IDENTICAL_DIFFERENCE = 0.002
+"""Mean difference between identical pictures, as a share of the image's grey-level range."""
+
+MAX_IDENTICAL_SHIFT_PX = 0.35
+"""Displacement of features between identical views, px at the size at which they were matched."""
+
+MAX_GAIN_DIFFERENCE = 0.10
+"""Largest healthy difference in contrast."""
+
+MAX_BRIGHTNESS_DIFFERENCE = 0.04
+"""Largest healthy difference in brightness, as a share of the image's grey-level range."""
+
+MIN_SIDES_SHARE = 0.7
+"""The sides of a raw pair are known if more than this share of its features agree ..."""
+
+MAX_OPPOSING_SHARE = 0.1
+"""... and less than this share disagree."""
 
 
 class FindingCode(StrEnum):
@@ -83,15 +91,16 @@ class Finding:
         MATCHES    ``count`` of features matched between the images, ``needed`` to judge the geometry
         IDENTICAL  ``difference``: mean pixel difference, as a share of the grey-level range;
                    ``moved_px``: 95th percentile of the displacement of matched features, if there are enough
-        LAYOUT     ``beside`` 1 if the left image holds both views, one beside the other; 0 if one above the other;
-                   ``half`` 1 if they are squeezed; nothing if it holds one
+        LAYOUT     if the left image holds both views, ``beside``: 1 if one is beside the other, 0 if one is above the
+                   other; ``half``: 1 if they are squeezed
         MIRRORED   ``count`` of features that agree with the right image once it is mirrored, 0 if not tried
         ABOVE_EACH_OTHER, ONE_MOVING_CAMERA, NOT_SAME_MOMENT
-                   ``quarters`` of a turn, counter-clockwise; ``x``, ``y`` of the epipole, if it is near, in widths and
-                   heights of the left image; ``turned_deg`` of one camera that only turned
+                   ``quarters`` of a turn that bring the cameras side by side, counter-clockwise; ``x``, ``y`` of the
+                   epipole, if it is near, in widths and heights of the left image; ``turned_deg``: angle of one camera
+                   that only turned
         SWAPPED    ``lowest_px``, ``highest_px``: 2nd and 98th percentile of the disparities of matched features, after
                    an uncalibrated rectification if rows bend; ``known``: 0 if they do not determine the sides
-        ROWS       ``offset_px``: median of dy, right minus left, or that at the centre of a rotated or scaled image;
+        ROWS       ``offset_px``: median of dy, right minus left, or dy at the centre of a rotated or scaled image;
                    ``spread_px``: robust standard deviation of dy
         ROTATION   ``rotation_deg``, ``scale`` of the right image relative to the left one
         BENT_ROWS  ``spread_px``: robust standard deviation of dy after removing offset, rotation and scale;
@@ -99,11 +108,11 @@ class Finding:
                    there is a remedy, ``rectified_px``: the spread after it, for matches it was not fitted to, and its
                    ``lens`` coefficient, 0 if none helps
         EXPOSURE   ``gain``, ``offset`` in grey levels: ``right ≈ gain * left + offset``
-        TEXTURE    ``flat_share`` of the pixels whose surroundings have hardly any texture, 0..1, the sky aside
+        TEXTURE    ``flat_share`` of the pixels, without the sky, whose surroundings have hardly any texture, 0..1
         EMPTY_BORDER
                    ``left_share``, ``right_share``: share of the pixels of each image in black borders, 0..1
-        RANGE      ``lowest_px``, ``highest_px``: disparities seen; ``min_disparity``, ``num_disparities``: searched;
-                   ``missing_px``: how far the disparities seen extend beyond those searched, 0 if they do not;
+        RANGE      ``lowest_px``, ``highest_px``: disparities in the pair; ``min_disparity``, ``num_disparities``:
+                   searched; ``missing_px``: largest distance of the former beyond the latter, 0 if none are missing;
                    ``suggested_min_disparity``, ``suggested_num_disparities``; ``repeats_px``: distance at which the
                    picture repeats along its rows, 0 if it does not
         =========  =========================================================================================
@@ -124,7 +133,7 @@ class Finding:
         return type(self), (self.code, self.healthy, dict(self.numbers), self.remedy)
 
 
-USUAL: Mapping[FindingCode, Mapping[str, tuple[float, float]]] = {
+HEALTHY_NUMBERS: Mapping[FindingCode, Mapping[str, tuple[float, float]]] = {
     FindingCode.MIRRORED: {"count": (0, 0)},
     FindingCode.ABOVE_EACH_OTHER: {"quarters": (0, 0)},
     FindingCode.ROWS: {"offset_px": (0, 0.75)},
@@ -132,33 +141,39 @@ USUAL: Mapping[FindingCode, Mapping[str, tuple[float, float]]] = {
     FindingCode.TEXTURE: {"flat_share": (0, 0.4)},
     FindingCode.EMPTY_BORDER: {"left_share": (0, 0.01), "right_share": (0, 0.01)},
 }
-"""What is healthy, where each number decides for itself: its usual value, and how far from it it may be."""
+"""For questions whose numbers are judged one by one: the ideal value of each, and its largest healthy deviation."""
 
 
 def judge(code: FindingCode, remedy: Remedy | None = None, **numbers: float) -> Finding:
-    """Judge the numbers of a question of :data:`USUAL`; with this remedy if something is ill."""
-    ill = any(abs(numbers[name] - usual) > most for name, (usual, most) in USUAL[code].items())
+    """Judge the numbers of a question of :data:`HEALTHY_NUMBERS`; with this remedy if it is ill."""
+    ill = any(abs(numbers[name] - ideal) > tolerance for name, (ideal, tolerance) in HEALTHY_NUMBERS[code].items())
     return judged(code, ill, remedy, **numbers)
 
 
 def judge_matches(count: int) -> Finding:
     """Judge the number of features matched between the images."""
-    return Finding(FindingCode.MATCHES, count >= FEWEST_MATCHES, {"count": count, "needed": FEWEST_MATCHES})
+    return Finding(FindingCode.MATCHES, count >= MIN_MATCHES, {"count": count, "needed": MIN_MATCHES})
 
 
 def judge_identical(difference: float, moved: float | None, scale: float) -> Finding:
     """Judge whether both pictures show one view.
 
-    By their mean difference, a share of the grey-level range, and the largest displacement of nearly all features, px,
-    None with too few of them; `scale` is that at which they were matched.
+    Parameters
+    ----------
+    difference
+        Mean difference, as a share of the grey-level range.
+    moved
+        Largest displacement of nearly all features, px; None with too few of them.
+    scale
+        Scale at which they were matched.
     """
-    same = difference < SAME_GREYS or (moved is not None and moved * scale < SAME_PLACE_PX)
+    same = difference < MAX_IDENTICAL_DIFFERENCE or (moved is not None and moved * scale < MAX_IDENTICAL_SHIFT_PX)
     numbers = {} if moved is None else {"moved_px": moved}
     return judged(FindingCode.IDENTICAL, same, None, difference=difference, **numbers)
 
 
 def judge_layout(layout: Layout | None) -> Finding:
-    """Judge how both views stand in the left image, None if it holds one."""
+    """Judge the layout of both views in the left image; None if it holds one view."""
     numbers = {} if layout is None else {part: float(part in layout.value) for part in ("beside", "half")}
     return judged(FindingCode.LAYOUT, layout is not None, None, **numbers)
 
@@ -166,14 +181,19 @@ def judge_layout(layout: Layout | None) -> Finding:
 def judge_moments(epipole: Epipole | None, turned: float = 0.0) -> tuple[Finding, Finding]:
     """Judge whether one moving camera took both images, and whether they are of one moment.
 
-    By an epipole near them, and the angle by which one camera only turned, degrees, 0 if it did not.
+    Parameters
+    ----------
+    epipole
+        The epipole, if it is in or near the left image.
+    turned
+        Angle of one camera that only turned, degrees; 0 if it did not.
     """
-    place = {} if epipole is None else {"x": epipole.x, "y": epipole.y}
+    position = {} if epipole is None else {"x": epipole.x, "y": epipole.y}
     inside = epipole is not None and epipole.inside
-    by = {"turned_deg": turned} if turned else place
+    motion = {"turned_deg": turned} if turned else position
     return (
-        judged(FindingCode.ONE_MOVING_CAMERA, inside or turned > 0, None, **by),
-        judged(FindingCode.NOT_SAME_MOMENT, epipole is not None, None, **place),
+        judged(FindingCode.ONE_MOVING_CAMERA, inside or turned > 0, None, **motion),
+        judged(FindingCode.NOT_SAME_MOMENT, epipole is not None, None, **position),
     )
 
 
@@ -186,10 +206,14 @@ def judge_sides(lowest: float, highest: float) -> Finding:
 def judge_raw_sides(lowest: float, highest: float, in_front: float, behind: float) -> Finding:
     """Judge whether the sides of an unrectified pair are swapped.
 
-    By the ends of its disparity range after an uncalibrated rectification, px, and the shares of its features that are
-    certainly in front of infinity, and certainly behind it, as with swapped sides.
+    Parameters
+    ----------
+    lowest, highest
+        Ends of its disparity range after an uncalibrated rectification, px.
+    in_front, behind
+        Shares of its features that are certainly in front of infinity, and certainly behind it, as with swapped sides.
     """
-    known = max(in_front, behind) > SURE_SHARE > UNSURE_SHARE > min(in_front, behind)
+    known = max(in_front, behind) > MIN_SIDES_SHARE > MAX_OPPOSING_SHARE > min(in_front, behind)
     numbers = {"lowest_px": lowest, "highest_px": highest, "known": float(known)}
     return judged(FindingCode.SWAPPED, known and behind > in_front, Remedy.SWAP_SIDES, **numbers)
 
@@ -216,22 +240,22 @@ def judge_bent_rows(
     rectified
         The spread after an uncalibrated rectification, px, and its lens coefficient; None if none helps.
     lens
-        The lens coefficient that bends them, 0 if it is not surely told or bends them too little.
+        The lens coefficient that bends the rows; 0 if it is not significant.
     """
-    bent = abs(lens) > LENS_LEFT or math.sqrt(max(spread**2 - noise**2, 0.0)) * scale > BENT_PX
+    bent = abs(lens) > MAX_HEALTHY_LENS or math.sqrt(max(spread**2 - noise**2, 0.0)) * scale > MAX_BEND_PX
     numbers = {"spread_px": spread, "noise_px": noise, "lowest_px": ends[0], "highest_px": ends[1]}
     after = {} if rectified is None else {"rectified_px": rectified[0], "lens": rectified[1]}
     return judged(FindingCode.BENT_ROWS, bent, Remedy.RECTIFY if after else None, **numbers, **after)
 
 
 def judge_exposure(gain: float, offset: float, greys: tuple[float, float]) -> Finding:
-    """Judge ``right ≈ gain * left + offset`` in the middle of the image's grey levels, the darkest to the brightest."""
+    """Judge ``right ≈ gain * left + offset`` in the middle of the image's `greys`, the darkest and the brightest."""
     darkest, brightest = greys
-    brighter = offset + (gain - 1) * (darkest + brightest) / 2
-    unlike = abs(gain - 1) > GAIN_DIFFERENCE or abs(brighter) > BRIGHTNESS_SHARE * (brightest - darkest)
-    return judged(FindingCode.EXPOSURE, unlike, Remedy.MATCH_EXPOSURE, gain=gain, offset=offset)
+    difference = offset + (gain - 1) * (darkest + brightest) / 2
+    ill = abs(gain - 1) > MAX_GAIN_DIFFERENCE or abs(difference) > MAX_BRIGHTNESS_DIFFERENCE * (brightest - darkest)
+    return judged(FindingCode.EXPOSURE, ill, Remedy.MATCH_EXPOSURE, gain=gain, offset=offset)
 
 
 def judged(code: FindingCode, ill: bool, remedy: Remedy | None, **numbers: float) -> Finding:
-    """Return the finding on a question; with its remedy if something is ill."""
+    """Return the finding on a question; with its remedy if it is ill."""
     return Finding(code, not ill, numbers, remedy if ill else None)

@@ -22,15 +22,15 @@ from stereolag.stereo.matcher import Reason, StereoMatcher
 from stereolag.stereo.methods import preset
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 
-BAD_PX = 2.0
-"""A disparity that is off by more than this is bad."""
+MAX_GOOD_ERROR_PX = 2.0
+"""A disparity that is off by more than this is bad, px."""
 
-BY_CHANCE = 2.5
-"""Gain in standard errors that chance may produce. Of two dozen equal settings, the luckiest is about two standard
+CHANCE_SIGMAS = 2.5
+"""Gain, in standard errors, that may be due to chance. Of two dozen equal settings, the luckiest is about two standard
 errors above the rest (the expected maximum of 24 normal deviates is 1.95)."""
 
-BLOCKS = 8
-"""Number of blocks along each side of a map in which it is judged."""
+BLOCKS_PER_SIDE = 8
+"""Number of blocks across and down into which a map is divided."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +53,8 @@ class Judgement:
     def of(cls, disparity: FloatMap, reference: FloatMap) -> Judgement:
         """Judge a map against a reference of the same shape, (H, W) px, NaN = not judged."""
         known = np.isfinite(reference)
-        wrong = known & ~(np.abs(disparity - reference) <= BAD_PX)
-        rows, cols = (np.arange(side) * BLOCKS // side for side in known.shape)
+        wrong = known & ~(np.abs(disparity - reference) <= MAX_GOOD_ERROR_PX)
+        rows, cols = (np.arange(side) * BLOCKS_PER_SIDE // side for side in known.shape)
 
         def counted(mask: Mask) -> npt.NDArray[np.float64]:
             by_rows = np.add.reduceat(mask, np.searchsorted(rows, np.unique(rows)), axis=0, dtype=np.int64)
@@ -80,7 +80,7 @@ class Gain:
     @property
     def sure(self) -> float:
         """Return the gain minus the part that may be due to chance."""
-        return self.points - BY_CHANCE * self.error
+        return self.points - CHANCE_SIGMAS * self.error
 
     @classmethod
     def between(cls, before: Sequence[Judgement], after: Sequence[Judgement]) -> Gain:
@@ -89,36 +89,38 @@ class Gain:
         The standard error is that of a ratio estimate over the blocks of each pair (W. Cochran, *Sampling Techniques*,
         1977, 6.8): a gain from a single corner or border of the images may be chance or a border effect.
         """
-        parts = [cls._of_one(*both) for both in zip(before, after, strict=True)]
-        return cls(
-            sum(part.points for part in parts) / len(parts), sum(part.error**2 for part in parts) ** 0.5 / len(parts)
-        )
+        gains = [cls._of_pair(*judgements) for judgements in zip(before, after, strict=True)]
+        error = sum(gain.error**2 for gain in gains) ** 0.5 / len(gains)
+        return cls(sum(gain.points for gain in gains) / len(gains), error)
 
     @classmethod
-    def _of_one(cls, before: Judgement, after: Judgement) -> Gain:
-        judged, righted = before.judged, before.wrong - after.wrong
-        share, blocks = righted.sum() / judged.sum(), np.count_nonzero(judged)
+    def _of_pair(cls, before: Judgement, after: Judgement) -> Gain:
+        judged, corrected = before.judged, before.wrong - after.wrong
+        share, blocks = corrected.sum() / judged.sum(), np.count_nonzero(judged)
         if blocks < 2:
             return cls(float(100 * share), float("inf"))
-        variance = ((righted - share * judged) ** 2).sum() * blocks / (blocks - 1)
+        variance = ((corrected - share * judged) ** 2).sum() * blocks / (blocks - 1)
         return cls(float(100 * share), float(100 * np.sqrt(variance) / judged.sum()))
 
 
-LEAST_MEASURED = 0.25
-"""Smallest share of measured pixels for which a reference represents the pair: two unrelated images, or left and right
-exchanged, leave 2 to 12 %, rows 10 px off leave 22 %, sound pairs more than half."""
+MIN_MEASURED_SHARE = 0.25
+"""Share of measured pixels from which a reference represents the pair: 2 to 12 % are measured in two unrelated images,
+or with left and right exchanged, 22 % with rows 10 px off, and more than half in sound pairs."""
 
-JUDGEMENT_BYTES = 97
+JUDGEMENT_BYTES_PER_PX = 97
 """Bytes per pixel of a map and its comparison with the reference, in float64."""
 
-JUDGEMENT_SECONDS = 5e-8
-"""Seconds per pixel."""
+JUDGEMENT_SECONDS_PER_PX = 5e-8
+"""Seconds of that comparison per pixel."""
 
-STRIP_ROWS, SEAM_ROWS = 64, 12
-"""Rows in a strip of the images, and rows at either end of it that are matched but not judged."""
+STRIP_ROWS = 64
+"""Rows in a strip of the images."""
 
-WHOLE_FROM = 0.75
-"""Strips that cover this share of the images or more take as long as the whole images."""
+SEAM_ROWS = 12
+"""Rows at either end of a strip that are matched but not judged."""
+
+MAX_STRIPS_SHARE = 0.75
+"""Strips that cover this share of the images or more hardly take less time than the whole images."""
 
 
 class Unjudged(StrEnum):
@@ -131,7 +133,7 @@ class Unjudged(StrEnum):
 
 
 class Criterion(StrEnum):
-    """The figure that settings are judged by: the percentage of pixels off by more than 2 px or missing."""
+    """The figure that settings are judged by: bad-2, the percentage of pixels off by more than 2 px or missing."""
 
     TRUE_BAD_2 = "true bad-2"
     """Over the pixels with ground truth."""
@@ -202,7 +204,7 @@ class TuningPair:
 
     @classmethod
     def unjudgeable(cls, left: npt.ArrayLike, right: npt.ArrayLike) -> TuningPair:
-        """Return a pair without a reference, for when only the maps are wanted: every bad-2 is NaN."""
+        """Return a pair without a reference, whose maps alone are of interest: every bad-2 is NaN."""
         images = as_stereo_pair(left, right)
         return cls(*images, np.full(images[0].shape[:2], np.nan, dtype=np.float32), Criterion.ESTIMATED_BAD_2)
 
@@ -212,21 +214,21 @@ class TuningPair:
             return None
         if judges_itself(matcher):
             return Unjudged.JUDGES_ITSELF
-        return Unjudged.TOO_LITTLE_MEASURED if np.isfinite(self.reference).mean() < LEAST_MEASURED else None
+        return Unjudged.TOO_LITTLE_MEASURED if np.isfinite(self.reference).mean() < MIN_MEASURED_SHARE else None
 
-    def strips(self, share: float, lowest: int = 0) -> TuningPair:
+    def strips(self, share: float, min_height: int = 0) -> TuningPair:
         """Return roughly the given share of the rows, as stacked full-width strips spread evenly over the images.
 
         Strips are matched pixel for pixel like the whole images, except for the rows beside their seams, which are not
-        judged; a pair scaled down would need other windows and penalties and make other errors. The whole pair is
-        returned if strips would not save much, have nothing to judge, or be lower than `lowest`, px.
+        judged; a reduced pair would need other windows and penalties, and have other errors. The whole pair is returned
+        if strips would not save much, have nothing to judge, or be lower than `min_height`, px.
         """
         height = len(self.reference)
         count = max(1, round(share * height / STRIP_ROWS))
-        if count * STRIP_ROWS >= WHOLE_FROM * height or count * STRIP_ROWS < lowest:
+        if count * STRIP_ROWS >= MAX_STRIPS_SHARE * height or count * STRIP_ROWS < min_height:
             return self
-        room = height / count
-        tops = [round(room * number + (room - STRIP_ROWS) / 2) for number in range(count)]
+        spacing = height / count
+        tops = [round(spacing * number + (spacing - STRIP_ROWS) / 2) for number in range(count)]
         rows = np.concatenate([np.arange(top, top + STRIP_ROWS) for top in tops])
         reference = self.reference[rows].reshape(count, STRIP_ROWS, -1)
         reference[:, :SEAM_ROWS] = reference[:, -SEAM_ROWS:] = np.nan
@@ -237,9 +239,9 @@ class TuningPair:
 
     def estimate(self, matcher: StereoMatcher) -> Estimate:
         """Return the memory and time of :meth:`judge`."""
-        once = matcher.estimate(self.left.shape, self.left.dtype)
-        pixels = self.reference.size
-        return Estimate(max(once.memory, JUDGEMENT_BYTES * pixels), once.seconds + JUDGEMENT_SECONDS * pixels)
+        matching, pixels = matcher.estimate(self.left.shape, self.left.dtype), self.reference.size
+        memory = max(matching.memory, JUDGEMENT_BYTES_PER_PX * pixels)
+        return Estimate(memory, matching.seconds + JUDGEMENT_SECONDS_PER_PX * pixels)
 
     def judge(self, matcher: StereoMatcher, *, progress: Progress | None = None) -> Judgement:
         """Judge the map of a matcher.
@@ -267,15 +269,15 @@ def measured_reference(
 ) -> FloatMap:
     """Return the (H, W) disparities measured by the accurate preset, the reference for maps without ground truth.
 
-    Pixels that it filled in or left blank are NaN, not judged. Its own errors are few and affect all compared settings
-    alike, so the ranking is nearly the ranking by ground truth. The arguments are as for :meth:`TuningPair.of`.
+    Pixels that it filled or left blank are NaN, not judged. Its own errors are few and affect all compared settings
+    alike, so that the ranking is nearly that by ground truth. The arguments are as for :meth:`TuningPair.of`.
 
     Raises
     ------
     ValueError
         If the images do not fit together, or the range needs more memory than one job may take.
     """
-    found = _judge(search_range).compute(left, right, progress=progress)
+    found = _judging_matcher(search_range).compute(left, right, progress=progress)
     return np.where(found.reason == np.uint8(Reason.MEASURED), found.disparity, np.float32(np.nan))
 
 
@@ -283,12 +285,12 @@ def estimate_reference(
     search_range: tuple[int, int] | None, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8
 ) -> Estimate:
     """Return the memory and time of :func:`measured_reference` for two images of a shape and dtype."""
-    return _judge(search_range).estimate(shape, dtype)
+    return _judging_matcher(search_range).estimate(shape, dtype)
 
 
-def _judge(search_range: tuple[int, int] | None) -> StereoMatcher:
-    judge = preset("accurate")
-    return judge if search_range is None else judge.with_search_range(*search_range)
+def _judging_matcher(search_range: tuple[int, int] | None) -> StereoMatcher:
+    matcher = preset("accurate")
+    return matcher if search_range is None else matcher.with_search_range(*search_range)
 
 
 def widest_range(matchers: Iterable[StereoMatcher]) -> tuple[int, int] | None:
@@ -305,10 +307,10 @@ def judges_itself(matcher: StereoMatcher) -> bool:
     return isinstance(matcher, SemiGlobalMatcher)
 
 
-HALF_OCTAVE = math.sqrt(2)
-OUTWARDS = [sign * number for number in range(1, 13) for sign in (1, -1)]
-ENOUGH_TO_TELL = 3
-WHOLE_RANGE_UP_TO = 1.0
+STEPS_OUTWARDS = [sign * number for number in range(1, 13) for sign in (1, -1)]
+"""1, -1, 2, -2 and so on: steps away from a current value."""
+
+MAX_WHOLE_RANGE = 1.0
 """Parameters with an allowed range up to this wide are tried over all of it, the others around their current value."""
 
 
@@ -334,46 +336,47 @@ class Parameter:
     bounds: Bounds
 
     def values(self, count: int) -> tuple[Number, ...]:
-        """Return at most `count` allowed values worth trying, ascending, including the current one.
+        """Return at most `count` allowed values to try, ascending, including the current one.
 
         Sizes are tried in half octaves around their value, fractions over their whole range, and numbers that are zero
-        or may be negative in doubling steps away from their value. All are whole steps from the current value.
+        or may be negative in doubling steps away from their value. All are a multiple of the step from the current
+        value.
         """
         step = self.bounds.step
         low = -math.inf if self.bounds.low is None else self.bounds.low
         high = math.inf if self.bounds.high is None else self.bounds.high
-        if high - low <= WHOLE_RANGE_UP_TO:
+        if high - low <= MAX_WHOLE_RANGE:
             wanted = [low + (high - low) * number / (count - 1) for number in range(count)]
         elif self.value > 0 and (low >= 0 or self.bounds.low is None):
-            wanted = [self.value * HALF_OCTAVE**number for number in OUTWARDS]
+            wanted = [self.value * math.sqrt(2) ** number for number in STEPS_OUTWARDS]
         else:
-            wanted = [self.value + step * math.copysign(2 ** (abs(number) - 1), number) for number in OUTWARDS]
-        nearest = (self.value + step * round((one - self.value) / step) for one in wanted)
-        allowed = (round(one, 9) for one in nearest if low <= one <= high)
+            wanted = [self.value + step * math.copysign(2 ** (abs(number) - 1), number) for number in STEPS_OUTWARDS]
+        on_grid = (self.value + step * round((value - self.value) / step) for value in wanted)
+        allowed = (round(value, 9) for value in on_grid if low <= value <= high)
         return tuple(sorted([*dict.fromkeys([self.value, *allowed])][:count]))
 
 
 def parameters(matcher: StereoMatcher) -> dict[str, Parameter]:
     """Return the numeric settings of a matcher that have an effect, by name, in order of declaration."""
-    return {parameter.name: parameter for parameter in _within(matcher, "") if _free(matcher, parameter)}
+    return {parameter.name: parameter for parameter in _numbers(matcher, "") if _is_free(matcher, parameter)}
 
 
-def _free(matcher: StereoMatcher, parameter: Parameter) -> bool:
+def _is_free(matcher: StereoMatcher, parameter: Parameter) -> bool:
     """Return whether the other settings allow a parameter any value but its current one."""
-    for value in parameter.values(ENOUGH_TO_TELL):
+    for value in parameter.values(3):  # the current value and one to either side
         with suppress(ValueError):
             if changed(matcher, {parameter.name: value}) != matcher:
                 return True
     return False
 
 
-def _within(settings: Settings, path: str) -> Iterator[Parameter]:
+def _numbers(settings: Settings, path: str) -> Iterator[Parameter]:
     for name, field in type(settings).model_fields.items():
         value = getattr(settings, name)
         if type(settings).obstacle(name, settings) is not None:
             continue
         if isinstance(value, Settings):
-            yield from _within(value, f"{path}{name}.")
+            yield from _numbers(value, f"{path}{name}.")
         elif isinstance(value, int | float) and not isinstance(value, bool):
             yield Parameter(f"{path}{name}", field.title or name, value, Bounds.of(field))
 
@@ -381,7 +384,7 @@ def _within(settings: Settings, path: str) -> Iterator[Parameter]:
 Axis = tuple[str, Sequence[Any]]
 """The name of a parameter and its values."""
 
-SMALL_WIDTH = 180
+MAX_SHOWN_WIDTH_PX = 180
 """Largest width of the maps that a sweep keeps, px."""
 
 
@@ -394,14 +397,14 @@ class Sweep:
     rows, cols
         The values of the two parameters.
     bad
-        (n_rows, n_cols) mean bad-2 over the pairs, %, lower is better; NaN without a map or a reference to judge it.
+        (n_rows, n_cols) mean bad-2 over the pairs, %, lower is better; NaN without a map or a reference.
     criterion
         Whether `bad` is true or estimated bad-2.
     maps
         (n_rows, n_cols, height, width) disparities of the first pair, px of its full size, reduced to at most
-        :data:`SMALL_WIDTH`; NaN = none.
+        :data:`MAX_SHOWN_WIDTH_PX`; NaN = none.
     shown
-        (n_rows, n_cols) whether there is a map: the settings fit together and the images, and were tried.
+        (n_rows, n_cols) whether there is a map: the settings fit each other and the images, and were tried.
     finished
         Whether all combinations were tried, and the sweep was not cancelled.
     """
@@ -439,20 +442,19 @@ def sweep(
     matcher
         Provides all other settings.
     pairs
-        At least one; they are judged together, without those that cannot judge. If a parameter affects the search
-        range, a reference measured in place of ground truth must cover the :func:`widest_range` of
-        :func:`combinations`.
+        At least one; pairs that cannot judge do not count. If a parameter affects the search range, a reference
+        measured in place of ground truth must cover the :func:`widest_range` of :func:`combinations`.
     rows, cols
         (name, values) of two parameters, named as in :func:`stereolag.core.settings.changed`; at least one value each.
     progress
         Called with the fraction done.
     cancelled
-        Called before every cell; True ends the sweep with the cells so far.
+        Called before every cell; True ends the sweep with the cells made so far.
     """
     report = progress or silent
     grid, (height, width) = (len(rows[1]), len(cols[1])), pairs[0].reference.shape
-    small = min(SMALL_WIDTH, width)
-    size = small, max(1, round(small * height / width))
+    shown_width = min(MAX_SHOWN_WIDTH_PX, width)
+    size = shown_width, max(1, round(shown_width * height / width))
     maps = np.full((*grid, *size[::-1]), np.nan, dtype=np.float32)
     bad, shown, finished = np.full(grid, np.nan), np.zeros(grid, dtype=np.bool_), True
     for number, settings in enumerate(combinations(matcher, rows, cols)):
@@ -463,8 +465,8 @@ def sweep(
             continue
         cell = divmod(number, grid[1])
         with suppress(ValueError):  # settings that do not fit the images, or need too much memory
-            first, bad[cell] = _tried(settings, pairs, part(report, number, bad.size))
-            maps[cell] = cv2.resize(first, size, interpolation=cv2.INTER_NEAREST_EXACT)
+            disparity, bad[cell] = _tried(settings, pairs, part(report, number, bad.size))
+            maps[cell] = cv2.resize(disparity, size, interpolation=cv2.INTER_NEAREST_EXACT)
             shown[cell] = True
     report(1.0)
     return Sweep(tuple(rows[1]), tuple(cols[1]), bad, criterion_of(pairs), maps, shown, finished)
@@ -482,10 +484,11 @@ def combinations(matcher: StereoMatcher, rows: Axis, cols: Axis) -> Iterator[Ste
 def estimate_sweep(matcher: StereoMatcher, pairs: Sequence[TuningPair], *, rows: Axis, cols: Axis) -> Estimate:
     """Return the memory and time of :func:`sweep`, whose cells are made one after another.
 
-    A cell that alone needs more memory than one job may take becomes a hole in the grid.
+    A cell that alone needs more memory than one job may take has no map.
     """
-    tried = [pair.estimate(one) for one in combinations(matcher, rows, cols) if one is not None for pair in pairs]
-    return Estimate(max((one.memory for one in tried), default=0), sum(one.seconds for one in tried))
+    cells = [cell for cell in combinations(matcher, rows, cols) if cell is not None]
+    jobs = [pair.estimate(cell) for cell in cells for pair in pairs]
+    return Estimate(max((job.memory for job in jobs), default=0), sum(job.seconds for job in jobs))
 
 
 def _tried(settings: StereoMatcher, pairs: Sequence[TuningPair], progress: Progress) -> tuple[FloatMap, float]:
@@ -495,6 +498,6 @@ def _tried(settings: StereoMatcher, pairs: Sequence[TuningPair], progress: Progr
         for number, pair in enumerate(pairs)
     )
     first = next(maps)
-    every = [Judgement.of(one, pair.reference).bad for one, pair in zip(chain([first], maps), pairs, strict=True)]
+    every = [Judgement.of(each, pair.reference).bad for each, pair in zip(chain([first], maps), pairs, strict=True)]
     judged = [bad for bad in every if not math.isnan(bad)]
     return first, sum(judged) / len(judged) if judged else math.nan

@@ -1,6 +1,7 @@
-"""How views are arranged, seen in the pictures themselves before anything is matched densely.
+"""The arrangement of two views, recognised from the pictures themselves.
 
-Both in one picture, and how it is divided; or in two that are mirrored, above each other, of two moments, or repeating.
+Both views may be in one picture, which is then divided; or two pictures may be mirrored, of cameras above each other,
+of two moments, or of a repeating scene.
 """
 
 from __future__ import annotations
@@ -12,10 +13,10 @@ from enum import StrEnum
 import cv2
 import numpy as np
 
-from stereolag.assess.features import FEWEST_MATCHES, Correspondences
+from stereolag.assess.features import MIN_MATCHES, Correspondences
 from stereolag.assess.orientation import (
-    EVIDENCE,
-    LEAST_NOISE_PX,
+    MIN_EVIDENCE,
+    MIN_NOISE_PX,
     find_correspondences,
     fundamental_matrix,
     match_noise,
@@ -26,13 +27,13 @@ from stereolag.assess.orientation import (
 )
 from stereolag.assess.search_range import quick_map, reduced
 from stereolag.assess.uncalibrated import centre_of, fit_rectification
-from stereolag.core.arrays import DoubleMap, median
+from stereolag.core.arrays import DoubleMap, FloatMap, median
 from stereolag.core.inputs import Image, as_eight_bit, as_grey, local_deviation
 from stereolag.stereo.opencv import StereoSGBM
 
 
 class Layout(StrEnum):
-    """How both views stand in one picture; "half" ones are squeezed to half of their width or height."""
+    """Arrangement of both views in one picture; "half" views are squeezed to half their width or height."""
 
     BESIDE = "beside"
     HALF_BESIDE = "half-beside"
@@ -41,14 +42,14 @@ class Layout(StrEnum):
 
 
 def views(image: Image, layout: Layout, *, crossed: bool = False) -> tuple[Image, Image]:
-    """Return the left and the right view of a picture, squeezed ones at the shape they were taken in.
+    """Return the left and the right view of a picture; squeezed views are stretched to their original shape.
 
     Parameters
     ----------
     image
         A checked image. If its width or height is odd, the middle column or row is left out.
     crossed
-        Whether the right view comes first, as in JPS files for crossed eyes.
+        Whether the right view comes first, as in JPS files for cross-eyed viewing.
 
     Raises
     ------
@@ -68,56 +69,65 @@ def views(image: Image, layout: Layout, *, crossed: bool = False) -> tuple[Image
 
 
 class Anaglyph(ValueError):  # noqa: N818
-    """A picture whose views are in its colours."""
+    """Error for a picture whose views are in its colours."""
 
 
-LOOKED_AT = 240
-"""Px; views of this width show whether they are two of one scene."""
+LAYOUT_WIDTH_PX = 240
+"""Width to which views are reduced to determine the layout, px."""
 
-REACH = 48
-"""Px of these, forwards and backwards; zero is in the middle of many pictures made for screens."""
+LAYOUT_REACH_PX = 48
+"""Reach of the search to either side in these views, px; pictures made for screens often have 0 in the middle."""
 
-TEXTURE, LEAST_TEXTURED = 3.0, 0.05
-"""Standard deviation around a pixel, grey levels, from which on it tells something, and the least share of such."""
+MIN_TEXTURE = 3.0
+"""Standard deviation around a pixel, grey levels, from which it is textured."""
 
-LEAST_MATCHED = 0.45
-"""Share of these that are matched in two views of one scene; 0.1 to 0.35 are by chance."""
+MIN_TEXTURED_SHARE = 0.05
+"""Share of textured pixels below which nothing counts as matched."""
 
-REPEATING, LEFT_OVER = 0.35, 0.5
-"""Share matched in both halves of a view from which on its scene repeats itself, as a wall of windows does; two views
-then leave at most this share of what they leave unmatched."""
+MIN_MATCHED_SHARE = 0.45
+"""Share of the textured pixels that are matched in two views of one scene; 0.1 to 0.35 are matched by chance."""
 
-WIDEST = 4.0
+MIN_REPEATING_SHARE = 0.35
+"""Share matched between the halves of a view from which its scene repeats itself, as a wall of windows does."""
+
+MAX_UNMATCHED_RATIO = 0.5
+"""Unmatched pixels of two views of a repeating scene, as a share of those between the halves of one view."""
+
+MAX_ASPECT = 4.0
 """Largest width over height of a view."""
 
-SQUEEZED = (0.84, 0.94), (2.6, 4.0)
-"""Width over height of views that are half as wide, or half as high, as those of 16:9."""
+HALF_WIDTH_ASPECTS, HALF_HEIGHT_ASPECTS = (0.84, 0.94), (2.6, 4.0)
+"""Bounds of width over height of views that are half as wide, and half as high, as 16:9."""
 
-DEEP, LEAST_DEEP = 1.5, 0.3
-"""Px of disparity between red and cyan, and the share of the pixels that have more, which make an anaglyph."""
+MIN_COLOUR_DISPARITY_PX = 1.5
+"""Disparity between red and cyan from which a pixel is evidence of an anaglyph, px."""
+
+MIN_COLOUR_SHARE = 0.3
+"""Share of such pixels in an anaglyph."""
 
 
 def likely_layout(image: Image) -> tuple[Layout, bool] | None:
-    """Return how both views stand in a picture, and whether the right one comes first; None if it holds but one.
+    """Return the layout of a picture, and whether the right view comes first; None if it holds one view only.
 
-    Of the ways to divide it, the one under which most pixels find a partner. The view that comes first is the left one
-    if most things shift to the left in the other, unless what hides what surely says otherwise: many pictures made for
-    screens are cropped until all is behind them. Whether views are squeezed follows from their shape alone.
+    Of the possible divisions, the one under which most pixels are matched is taken. The view that comes first is the
+    left one if most points shift to the left in the other view, unless occlusions clearly contradict it: many pictures
+    made for screens are cropped until everything is behind the screen. Whether views are squeezed follows from their
+    shape alone.
 
     Raises
     ------
     Anaglyph
         A picture whose views are in its colours.
     """
-    found = {}
+    matched = {}
     for layout in (Layout.BESIDE, Layout.OVER_UNDER):
         if min(image.shape[:2]) > 3:
             left, right = views(image, layout)
-            if left.shape[1] <= WIDEST * left.shape[0]:
-                found[layout] = _matched(left, right)
-    layout = max(found, key=lambda one: found[one][0], default=Layout.BESIDE)
-    share, middle = found.get(layout, (0.0, 0.0))
-    if share < LEAST_MATCHED or _repeats(image, layout, share):
+            if left.shape[1] <= MAX_ASPECT * left.shape[0]:
+                matched[layout] = _matched(left, right)
+    layout = max(matched, key=lambda one: matched[one][0], default=Layout.BESIDE)
+    share, median_disparity = matched.get(layout, (0.0, 0.0))
+    if share < MIN_MATCHED_SHARE or _repeats(image, layout, share):
         if image.ndim == 3 and _is_anaglyph(image):
             raise Anaglyph(
                 "The image is an anaglyph: its views are in its colours, for red and cyan glasses, and differ too much "
@@ -126,49 +136,58 @@ def likely_layout(image: Image) -> tuple[Layout, bool] | None:
         return None
     left, right = views(image, layout)
     height, width = left.shape[:2]
-    low, high = SQUEEZED[layout is Layout.OVER_UNDER]
+    low, high = HALF_WIDTH_ASPECTS if layout is Layout.BESIDE else HALF_HEIGHT_ASPECTS
     if low <= width / height <= high:
         layout = Layout.HALF_BESIDE if layout is Layout.BESIDE else Layout.HALF_OVER_UNDER
-    crossed = middle < 0
-    return layout, crossed != (depth_order(*((right, left) if crossed else (left, right))) < -SURE_ORDER)
+    crossed = median_disparity < 0
+    order = depth_order(right, left) if crossed else depth_order(left, right)
+    return layout, crossed != (order < -MIN_ORDER_SIGMAS)
+
+
+def _coarse_disparity(
+    left: Image, right: Image, reach: int, block_size: int, uniqueness_ratio: int
+) -> tuple[FloatMap, Image]:
+    """Return the disparities of small copies of grey views, without columns at the borders, and the left copy."""
+    size = LAYOUT_WIDTH_PX, max(16, round(LAYOUT_WIDTH_PX * left.shape[0] / left.shape[1]))
+    small = [cv2.resize(view, size, interpolation=cv2.INTER_AREA) for view in (left, right)]
+    matcher = StereoSGBM(
+        min_disparity=-reach, num_disparities=2 * reach, block_size=block_size, uniqueness_ratio=uniqueness_ratio
+    )
+    return matcher.compute(*small).disparity[:, reach:-reach], small[0]
 
 
 def _matched(left: Image, right: Image) -> tuple[float, float]:
-    """Return the share of the pixels of small views that find a partner, and their median disparity, px."""
-    size = LOOKED_AT, max(16, round(LOOKED_AT * left.shape[0] / left.shape[1]))
-    small = [cv2.resize(one, size, interpolation=cv2.INTER_AREA) for one in as_eight_bit(as_grey(left), as_grey(right))]
-    matcher = StereoSGBM(min_disparity=-REACH, num_disparities=2 * REACH, block_size=7, uniqueness_ratio=10)
-    seen = slice(REACH, -REACH)
-    disparity, textured = matcher.compute(*small).disparity[:, seen], local_deviation(small[0], 7)[:, seen] > TEXTURE
+    """Return the share of the textured pixels of small views that are matched, and their median disparity, px."""
+    greys = as_eight_bit(as_grey(left), as_grey(right))
+    disparity, small = _coarse_disparity(*greys, LAYOUT_REACH_PX, block_size=7, uniqueness_ratio=10)
+    textured = local_deviation(small, 7)[:, LAYOUT_REACH_PX:-LAYOUT_REACH_PX] > MIN_TEXTURE
     known = np.isfinite(disparity) & textured
-    if textured.mean() < LEAST_TEXTURED or not known.any():
+    if textured.mean() < MIN_TEXTURED_SHARE or not known.any():
         return 0.0, 0.0
     return float(known.sum() / textured.sum()), median(disparity[known])
 
 
 def _repeats(image: Image, layout: Layout, share: float) -> bool:
-    """Return whether halves, of whose pixels so many match, are hardly more alike than the halves of each of them."""
-    halves = [views(one, layout) for one in views(image, layout)]
-    again = max(_matched(*two)[0] for two in halves)
-    return again > REPEATING and 1 - share > LEFT_OVER * (1 - again)
+    """Return whether both views, which match at this share, are hardly more alike than the halves of each view."""
+    share_of_halves = max(_matched(*views(view, layout))[0] for view in views(image, layout))
+    return share_of_halves > MIN_REPEATING_SHARE and 1 - share > MAX_UNMATCHED_RATIO * (1 - share_of_halves)
 
 
 def _is_anaglyph(image: Image) -> bool:
-    """Return whether red is another view than green and blue: of one view, all colours are in one place."""
+    """Return whether red shows another view than green and blue; in a single view, all colours coincide."""
     red, cyan = (cv2.equalizeHist(one) for one in as_eight_bit(image[:, :, 0], image[:, :, 1]))
-    size = LOOKED_AT, max(16, round(LOOKED_AT * image.shape[0] / image.shape[1]))
-    small = [cv2.resize(one, size, interpolation=cv2.INTER_AREA) for one in (red, cyan)]
-    matcher = StereoSGBM(min_disparity=-REACH // 2, num_disparities=REACH, block_size=11, uniqueness_ratio=5)
-    disparity = matcher.compute(*small).disparity[:, REACH // 2 : -REACH // 2]
+    disparity, _ = _coarse_disparity(red, cyan, LAYOUT_REACH_PX // 2, block_size=11, uniqueness_ratio=5)
     known = np.isfinite(disparity)
-    return bool(known.mean() > LEAST_MATCHED and (np.abs(disparity[known]) > DEEP).mean() > LEAST_DEEP)
+    if known.mean() <= MIN_MATCHED_SHARE:
+        return False
+    return bool((np.abs(disparity[known]) > MIN_COLOUR_DISPARITY_PX).mean() > MIN_COLOUR_SHARE)
 
 
 def in_words(image: Image, layout: Layout, *, crossed: bool) -> str:
     """Return how a picture was divided."""
     across = layout in (Layout.BESIDE, Layout.HALF_BESIDE)
     side = image.shape[int(across)]
-    said = ["The image was split down the middle." if across else "The image was split into upper and lower half."]
+    said = [f"The image was split {'down the middle' if across else 'into its upper and lower halves'}."]
     if side % 2:
         name, line = ("width", "column") if across else ("height", "row")
         said.append(f"Its {name} of {side} px is odd: the middle {line} is left out.")
@@ -179,62 +198,80 @@ def in_words(image: Image, layout: Layout, *, crossed: bool) -> str:
     return " ".join(said)
 
 
-# Two pictures: mirrored, above each other, of two moments, repeating.
+# Two pictures: mirrored, of cameras above each other, of two moments, of a repeating scene.
 
-FEW_MATCHES = 400
-"""From this number of agreeing features on, both pictures are taken to show the scene the same way round."""
+MAX_MIRRORED_MATCHES = 400
+"""With this number of agreeing features or more, the right picture cannot be mirrored."""
 
-MIRROR_LEAD = 2.5
-"""As many times more features agree with a mirrored picture once it is mirrored back."""
+MIN_MIRROR_RATIO = 2.5
+"""Ratio of the agreeing features of a mirrored picture, once it is mirrored back, to those of the picture as given."""
 
-VERTICAL_SHARE, LEAST_PARALLAX_PX = 0.35, 1.0
-"""Cameras stand above each other if columns scatter by less than this share of what rows do, and rows by more than
-this, px at the size at which features were matched."""
+MAX_COLUMN_RATIO = 0.35
+"""Cameras stand above each other if the scatter of columns is below this share of the scatter of rows."""
 
-FARTHEST_EPIPOLE = 1.5
-"""Image widths or heights from the centre up to which an epipole tells that one picture was taken from farther ahead:
-cameras of a rig that are turned by so much see no common scene."""
+MIN_PARALLAX_PX = 1.0
+"""Scatter of rows due to cameras above each other, px at the size at which features were matched."""
 
-EPIPOLE_ROWS_PX, AGREEING_SHARE = 0.35, 0.8
-"""Scatter of the rows from which on an epipole is looked for, and the least share of the matches on epipolar lines."""
+MAX_EPIPOLE_DISTANCE = 1.5
+"""Distance of an epipole from the centre, image widths or heights, up to which one picture was taken from farther
+ahead: two cameras side by side turned that far would not see a common scene."""
 
-FLAT_SHARE = 0.95
-"""Share of the matches that follow one homography from which on nothing is known of the other camera's place: the rest
-may be wrong matches."""
+MIN_EPIPOLE_SCATTER_PX = 0.35
+"""Scatter of rows from which an epipole is looked for, px."""
 
-MOSTLY_FLAT = 0.5
-"""Share of the matches that follow one homography from which on a rotation is looked for: a lens bends the others."""
+MIN_EPIPOLAR_SHARE = 0.8
+"""Share of the matches that must be near their epipolar lines."""
 
-FOCAL = 0.3, 2.5
-"""Focal lengths, image widths: from the longer on, a rotation hardly differs from a shift; what goes forward is taken
-for a rotation of one far below the shorter."""
+MAX_EPIPOLAR_PX = 1.5
+"""Distance from its epipolar line up to which a match agrees, px at the size at which features were matched."""
 
-NOISE_LEFT = 1.5
-"""Spread of what a rotation leaves of the matches, over their noise, up to which it explains them: up to 1.2 are
-left of simulated ones, 1.4 of pictures that were resampled."""
+MAX_EPIPOLAR_TRIALS = 2000
+"""Largest number of samples of matches drawn to find epipolar lines or a homography."""
 
-EPIPOLE_TRIALS, EPIPOLE_PX = 2000, 1.5
-"""Most samples of matches drawn, and the distance from an epipolar line up to which a match agrees, px at the size at
-which features were matched."""
+MIN_FLAT_SHARE = 0.95
+"""Share of the matches that fit one homography, above which the position of the other camera is unknown: the rest may
+be wrong matches."""
 
-HIDDEN_WIDTH = 640
-"""Width to which a pair is reduced to see what hides what, px."""
+MIN_ROTATION_SHARE = 0.5
+"""Share of the matches that fit one homography, above which a rotation is tried: a lens bends the others."""
 
-LEAST_STEP, UNEVEN, EDGE_PX, NOISE_GREYS = 3.0, 0.4, 7, 4.0
-"""Least step of the disparity beside a strip that only one view shows, px; how far its width may differ from that, as a
-share of it; the width in which its edge is looked for, px; and grey levels that tell nothing."""
+ROTATION_FOCALS = (0.3, 2.5)
+"""Bounds of the focal length of a rotated camera, image widths: with a longer one, a rotation hardly differs from a
+shift; a camera that moves forwards fits a rotation with a far shorter one."""
 
-SURE_VOTE, SURE_ORDER = 0.6, 5.0
-"""Sum of both cues of a strip, each from -1 to 1, that counts, and the standard deviations of all that are certain: of
-195 pairs with what is in front in front, the lowest has -3.8."""
+MAX_ROTATION_RATIO = 1.5
+"""Spread of the residuals of a rotation, over the noise of the matches, up to which it explains them: up to 1.2 for
+simulated matches, 1.4 for resampled pictures."""
 
-REPEATS = 0.7
-"""Correlation of the picture with itself from which on it repeats along its rows."""
+OCCLUSION_WIDTH_PX = 640
+"""Width to which a pair is reduced to find occlusions, px."""
 
-SAME_TOP = 0.9
-"""Share of the highest correlation from which on another top is as high."""
+MIN_OCCLUSION_STEP_PX = 3.0
+"""Step of the disparity beside a strip that only one view shows, px."""
 
-REPEATS_WIDTH = 320
+MAX_WIDTH_DEVIATION = 0.4
+"""Largest difference between the width of such a strip and the step, as a share of the step."""
+
+EDGE_WINDOW_PX = 7
+"""Width in which the edge of an occlusion is looked for, px."""
+
+NOISE_GREYS = 4.0
+"""Difference that is only noise, grey levels."""
+
+MIN_STRIP_VOTE = 0.6
+"""Sum of both cues of a strip, each from -1 to 1, above which the strip votes."""
+
+MIN_ORDER_SIGMAS = 5.0
+"""Standard deviations of the sum of votes above which it is certain: the lowest of 195 pairs in the right order has
+-3.8."""
+
+MIN_REPEAT_CORRELATION = 0.7
+"""Correlation of a picture with itself from which it repeats along its rows."""
+
+MIN_PEAK_RATIO = 0.9
+"""Share of the highest correlation from which another peak counts as equal."""
+
+REPETITION_WIDTH_PX = 320
 """Width to which a picture is reduced before repetition is looked for, px."""
 
 
@@ -245,7 +282,7 @@ class Epipole:
     Attributes
     ----------
     x, y
-        Its place in the left picture, in widths and heights from the top left corner; 0.5, 0.5 is the centre.
+        Its position in the left picture, in widths and heights from the top left corner; 0.5, 0.5 is the centre.
     """
 
     x: float
@@ -253,32 +290,36 @@ class Epipole:
 
     @property
     def inside(self) -> bool:
-        """Return whether it lies in the picture."""
+        """Return whether it is in the picture."""
         return 0 <= self.x <= 1 and 0 <= self.y <= 1
 
 
 def mirrored_matches(left: Image, right: Image, found: int) -> int:
-    """Return how many features of the left picture agree with the mirror image of the right one; 0 if not many more.
+    """Return the number of features that agree once the right picture is mirrored; 0 unless many more than `found`.
 
-    Nothing is tried where ``FEW_MATCHES`` or more are `found` to agree with the right one as it is.
+    Parameters
+    ----------
+    found
+        Number of features that agree with the right picture as given. The mirrored one is not tried if there are
+        ``MAX_MIRRORED_MATCHES`` or more.
     """
-    if found >= FEW_MATCHES:
+    if found >= MAX_MIRRORED_MATCHES:
         return 0
     mirrored = len(find_correspondences(left, np.ascontiguousarray(right[:, ::-1])))
-    return mirrored if mirrored >= max(FEWEST_MATCHES, MIRROR_LEAD * found) else 0
+    return mirrored if mirrored >= max(MIN_MATCHES, MIN_MIRROR_RATIO * found) else 0
 
 
 @dataclass(frozen=True, eq=False)
 class Views:
-    """How points move between two views, whether or not they stay on the same rows.
+    """Epipolar geometry of two views, not necessarily side by side.
 
     Attributes
     ----------
     points
         The matches on the epipolar lines of one fundamental matrix (MAGSAC++, Barath et al. 2020).
     epipole
-        The image of the right camera in the left picture, if it is near it. Of cameras side by side it is far beyond
-        the picture's sides; between two moments of a moving camera, points move away from it.
+        The image of the right camera in or near the left picture, otherwise None. For cameras side by side it is far
+        beyond the picture's sides; between two moments of a moving camera, points move away from it.
     """
 
     points: Correspondences
@@ -286,11 +327,11 @@ class Views:
 
     @property
     def above_each_other(self) -> bool:
-        """Return whether distance moves points along the columns instead of the rows."""
-        given = self.points
-        turned = Correspondences(given.left[:, ::-1], given.right[:, ::-1], given.shape[::-1], given.scale)
-        rows, columns = _scatter(given), _scatter(turned)
-        return rows > LEAST_PARALLAX_PX and columns < VERTICAL_SHARE * rows
+        """Return whether depth displaces points along the columns instead of the rows."""
+        points = self.points
+        transposed = Correspondences(points.left[:, ::-1], points.right[:, ::-1], points.shape[::-1], points.scale)
+        rows, columns = _scatter(points), _scatter(transposed)
+        return rows > MIN_PARALLAX_PX and columns < MAX_COLUMN_RATIO * rows
 
 
 def _scatter(points: Correspondences) -> float:
@@ -299,119 +340,128 @@ def _scatter(points: Correspondences) -> float:
 
 
 def find_views(found: Correspondences) -> Views | None:
-    """Return how points move between two views; None if too few matches tell.
+    """Return the epipolar geometry of two views; None with too few matches.
 
     Parameters
     ----------
     found
-        Matches from :func:`~stereolag.assess.orientation.find_correspondences`. Where they are not nearly all
-        candidates, the candidates are taken: the matches were chosen by their rows. For the same reason a slow motion
-        is looked for in those of any rows.
+        Matches from :func:`~stereolag.assess.orientation.find_correspondences`. Their candidates are taken if there
+        are any, since the matches were selected by their rows. For the same reason a slow motion is looked for in the
+        matches of any rows.
     """
     views = _views_of(found if found.candidates is None else found.candidates)
     if views is None or views.epipole is not None or found.of_any_rows is None:
         return views
-    again = _views_of(found.of_any_rows, doubted=True)
-    return views if again is None or again.epipole is None else again
+    moving = _views_of(found.of_any_rows, nearly_rectified=True)
+    return views if moving is None or moving.epipole is None else moving
 
 
-def _views_of(points: Correspondences, *, doubted: bool = False) -> Views | None:
-    """Return how some matches move; if it is doubted, with an epipole only where its lines explain them better."""
-    if len(points) < FEWEST_MATCHES:
+def _views_of(points: Correspondences, *, nearly_rectified: bool = False) -> Views | None:
+    """Return the epipolar geometry of some matches.
+
+    Nearly rectified ones have an epipole only if its lines explain them better than cameras side by side.
+    """
+    if len(points) < MIN_MATCHES:
         return None
-    lines, agreeing = fundamental_matrix(points, EPIPOLE_PX, EPIPOLE_TRIALS)
-    if lines is None or agreeing.mean() < AGREEING_SHARE or agreeing.sum() < FEWEST_MATCHES:
+    lines, agreeing = fundamental_matrix(points, MAX_EPIPOLAR_PX, MAX_EPIPOLAR_TRIALS)
+    if lines is None or agreeing.mean() < MIN_EPIPOLAR_SHARE or agreeing.sum() < MIN_MATCHES:
         return None
     chosen = points.chosen(agreeing)
     column, row, depth = np.linalg.svd(lines)[2][2]
     height, width = points.shape
-    if _scatter(chosen) < EPIPOLE_ROWS_PX or abs(depth) < 1e-12:
+    if _scatter(chosen) < MIN_EPIPOLE_SCATTER_PX or abs(depth) < 1e-12:
         return Views(chosen, None)
-    place = Epipole(float(column / depth / width), float(row / depth / height))
-    near = max(abs(place.x - 0.5), abs(place.y - 0.5)) < FARTHEST_EPIPOLE
-    told = near and (not doubted or _told_by_lines(chosen, lines)) and not flat(chosen)
-    return Views(chosen, place if told else None)
+    epipole = Epipole(float(column / depth / width), float(row / depth / height))
+    near = max(abs(epipole.x - 0.5), abs(epipole.y - 0.5)) < MAX_EPIPOLE_DISTANCE
+    explains = near and (not nearly_rectified or _explained_by_lines(chosen, lines)) and not fits_homography(chosen)
+    return Views(chosen, epipole if explains else None)
 
 
-def _told_by_lines(points: Correspondences, lines: DoubleMap) -> bool:
+def _explained_by_lines(points: Correspondences, lines: DoubleMap) -> bool:
     """Return whether epipolar lines explain matches better than slightly turned cameras side by side with a lens.
 
-    A strong lens has lines of its own, which may meet anywhere.
+    The distortion of a strong lens also leads to epipolar lines, which may meet anywhere.
     """
-    left, right = (np.column_stack([one, np.ones(len(points))]) for one in (points.left, points.right))
+    left, right = (np.column_stack([view, np.ones(len(points))]) for view in (points.left, points.right))
     through = left @ lines.T
-    beside = (through * right).sum(axis=1) / np.hypot(through[:, 0], through[:, 1])
+    from_lines = (through * right).sum(axis=1) / np.hypot(through[:, 0], through[:, 1])
     terms, dy = row_terms(points), points.dy.astype(np.float64)
-    noise = max(LEAST_NOISE_PX, row_spread(beside))
-    turned, moved = (np.log1p((left_over / noise) ** 2) for left_over in (dy - terms @ robust_fit(terms, dy), beside))
-    return float((turned - moved).sum()) > EVIDENCE
+    noise = max(MIN_NOISE_PX, row_spread(from_lines))
+    from_rows = dy - terms @ robust_fit(terms, dy)
+    row_misfit, line_misfit = (np.log1p((residuals / noise) ** 2) for residuals in (from_rows, from_lines))
+    return float((row_misfit - line_misfit).sum()) > MIN_EVIDENCE
 
 
-def flat(points: Correspondences, least: float = FLAT_SHARE) -> bool:
-    """Return whether at least this share of the matches follows one homography: of a camera that turned, or of a plane.
+def fits_homography(points: Correspondences, share: float = MIN_FLAT_SHARE) -> bool:
+    """Return whether more than this share of the matches fits one homography: of a rotated camera, or of a plane.
 
-    They tell neither where the other camera stands nor what is in front of what.
+    Such matches show neither the position of the other camera nor the order in depth.
     """
-    tolerance = EPIPOLE_PX / points.scale
-    _, same = cv2.findHomography(points.left, points.right, cv2.USAC_MAGSAC, tolerance, maxIters=EPIPOLE_TRIALS)
-    return same is not None and float(np.mean(same)) > least
+    tolerance = MAX_EPIPOLAR_PX / points.scale
+    _, fits = cv2.findHomography(points.left, points.right, cv2.USAC_MAGSAC, tolerance, maxIters=MAX_EPIPOLAR_TRIALS)
+    return fits is not None and float(np.mean(fits)) > share
 
 
-def turned_alone(points: Correspondences) -> float:
-    """Return the angle between two pictures of one camera that only turned, degrees; 0 if it is not surely that.
+def pure_rotation_deg(points: Correspondences) -> float:
+    """Return the angle between two pictures of one camera that only turned, degrees; 0 if that is not certain.
 
-    A rotation brings all matches to their places, up to their noise, and better than an affine map and a lens do: so
-    rectified cameras see a plane. Cameras that are turned may see a plane as one that only turned does.
+    A rotation explains all matches up to their noise, and better than an affine map and a lens do, which explain a
+    plane seen by rectified cameras. Turned cameras may see a plane as one camera does that only turned.
     """
-    if len(points) < FEWEST_MATCHES or not flat(points, MOSTLY_FLAT):
+    if len(points) < MIN_MATCHES or not fits_homography(points, MIN_ROTATION_SHARE):
         return 0.0
-    turning = fit_rectification(points, lens=True, depth=False)
-    left_over = turning.errors(points)
-    agreeing = float(np.mean(np.hypot(*left_over.T) * points.scale < EPIPOLE_PX))
-    noise = max(LEAST_NOISE_PX, match_noise(points, left_over[:, 1]))
+    rotation = fit_rectification(points, lens=True, depth=False)
+    errors = rotation.errors(points)
+    agreeing = float(np.mean(np.hypot(*errors.T) * points.scale < MAX_EPIPOLAR_PX))
+    noise = max(MIN_NOISE_PX, match_noise(points, errors[:, 1]))
     left, right = ((one - centre_of(points.shape)) / points.shape[1] for one in (points.left, points.right))
     lens = right * (right**2).sum(axis=1, keepdims=True) - left * (left**2).sum(axis=1, keepdims=True)
     affine = np.kron(np.eye(2), np.column_stack([np.ones(len(points)), left]))
-    terms, moved = np.column_stack([affine, lens.T.ravel()]), np.concatenate([points.dx, points.dy]).astype(np.float64)
-    on_a_plane = moved - terms @ robust_fit(terms, moved)
-    gain = np.log1p((on_a_plane / noise) ** 2).sum() - np.log1p((left_over / noise) ** 2).sum()
-    explained = agreeing > FLAT_SHARE and row_spread(left_over.ravel()) < NOISE_LEFT * noise and gain > EVIDENCE
-    return turning.turn if explained and FOCAL[0] < turning.focal < FOCAL[1] else 0.0
+    terms = np.column_stack([affine, lens.T.ravel()])
+    displacement = np.concatenate([points.dx, points.dy]).astype(np.float64)
+    plane_errors = displacement - terms @ robust_fit(terms, displacement)
+    gain = np.log1p((plane_errors / noise) ** 2).sum() - np.log1p((errors / noise) ** 2).sum()
+    only_noise = row_spread(errors.ravel()) < MAX_ROTATION_RATIO * noise
+    plausible = ROTATION_FOCALS[0] < rotation.focal < ROTATION_FOCALS[1]
+    certain = agreeing > MIN_FLAT_SHARE and only_noise and gain > MIN_EVIDENCE and plausible
+    return rotation.turn if certain else 0.0
 
 
 def depth_order(left: Image, right: Image) -> float:
-    """Return how surely disparity grows towards things in front, standard deviations; below 0: towards those behind.
+    """Return the evidence that near objects have the larger disparity, standard deviations; negative if the smaller.
 
-    A thing in front hides a strip of what is behind it from one camera alone. Beside each step of the disparity such a
-    strip resembles what is behind, and ends at an edge of what is in front. Adjoining rows tell the same.
+    An object hides a strip of its background from one of the cameras. Beside each step of the disparity, such a strip
+    resembles the background, and ends at an edge of the object. Each strip, a run of unmatched pixels in one row, has
+    a vote; those of adjoining rows are not independent.
     """
     votes = []
-    views = [reduced(one, HIDDEN_WIDTH) for one in as_eight_bit(as_grey(left), as_grey(right))]
-    for one, other in (views, [np.ascontiguousarray(view[:, ::-1]) for view in views[::-1]]):
-        found, grey, width = quick_map(one, other).ravel(), one.astype(np.float64), one.shape[1]
-        known = np.flatnonzero(np.isfinite(found))
+    views = [reduced(view, OCCLUSION_WIDTH_PX) for view in as_eight_bit(as_grey(left), as_grey(right))]
+    for view, other in (views, [np.ascontiguousarray(view[:, ::-1]) for view in views[::-1]]):
+        disparity, grey, width = quick_map(view, other).ravel(), view.astype(np.float64), view.shape[1]
+        known = np.flatnonzero(np.isfinite(disparity))
         before, after = known[:-1], known[1:]
-        strip, step = after - before - 1, found[after] - found[before]
+        strip, step = after - before - 1, disparity[after] - disparity[before]
         inside = (before // width == after // width) & (before % width >= strip) & (after % width + strip < width)
-        told = inside & (step >= LEAST_STEP) & (np.abs(strip - step) <= 1 + UNEVEN * step)
-        before, after, strip = before[told], after[told], strip[told]
+        as_wide = np.abs(strip - step) <= 1 + MAX_WIDTH_DEVIATION * step
+        chosen = inside & (step >= MIN_OCCLUSION_STEP_PX) & as_wide
+        before, after, strip = before[chosen], after[chosen], strip[chosen]
         sums = np.append(0.0, np.cumsum(grey))
         low, hidden, high = ((sums[end] - sums[end - strip]) / strip for end in (before + 1, after, after + strip))
-        edges = cv2.dilate(np.abs(np.gradient(grey, axis=1)), np.ones((1, EDGE_PX))).ravel()
+        edges = cv2.dilate(np.abs(np.gradient(grey, axis=1)), np.ones((1, EDGE_WINDOW_PX))).ravel()
         cues = (np.abs(hidden - high), np.abs(hidden - low)), (edges[after], edges[before])
         votes.append(sum((pro - contra) / (pro + contra + NOISE_GREYS) for pro, contra in cues))
     every = np.concatenate(votes)
-    sure = every[np.abs(every) > SURE_VOTE]
-    return float(np.sign(sure).sum()) / math.sqrt(max(1, sure.size))
+    clear = every[np.abs(every) > MIN_STRIP_VOTE]
+    return float(np.sign(clear).sum()) / math.sqrt(max(1, clear.size))
 
 
 def repetition(image: Image) -> float:
     """Return the distance at which a picture repeats along its rows, px; 0 if it does not.
 
-    The correlation of the picture's details with themselves, a shift later, reaches ``REPEATS`` after having fallen
-    below half of that.
+    The autocorrelation of the picture's details along the rows first falls below half of ``MIN_REPEAT_CORRELATION``,
+    and then reaches it.
     """
-    scale = min(1.0, REPEATS_WIDTH / image.shape[1])
+    scale = min(1.0, REPETITION_WIDTH_PX / image.shape[1])
     size = max(16, round(image.shape[1] * scale)), max(16, round(image.shape[0] * scale))
     grey = cv2.resize(as_grey(image).astype(np.float32), size, interpolation=cv2.INTER_AREA)
     detail = grey - cv2.blur(grey, (size[0] // 6 * 2 + 1, 1))
@@ -420,12 +470,12 @@ def repetition(image: Image) -> float:
     for lag in range(1, lags):
         one, other = detail[:, :-lag].ravel(), detail[:, lag:].ravel()
         correlation[lag] = float(one @ other) / (float(np.sqrt((one @ one) * (other @ other))) + 1e-12)
-    low = np.flatnonzero(correlation < REPEATS / 2)
-    if not low.size:
+    low = np.flatnonzero(correlation < MIN_REPEAT_CORRELATION / 2)
+    if not low.size or correlation[low[0] :].max() < MIN_REPEAT_CORRELATION:
         return 0.0
     later = correlation[low[0] :]
-    # Every multiple of the distance fits as well: the first of the highest tops.
-    high = np.flatnonzero(later >= SAME_TOP * later.max())
+    # Every multiple of the distance fits as well: take the first of the highest peaks.
+    high = np.flatnonzero(later >= MIN_PEAK_RATIO * later.max())
     end = int(np.append(np.flatnonzero(np.diff(high) > 1), high.size - 1)[0])
-    first = high[: end + 1]
-    return float((low[0] + first[np.argmax(later[first])]) / scale) if later.max() >= REPEATS else 0.0
+    first_peak = high[: end + 1]
+    return float((low[0] + first_peak[np.argmax(later[first_peak])]) / scale)

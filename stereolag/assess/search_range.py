@@ -1,4 +1,4 @@
-"""The range of disparities in a pair, from a coarse search and from matched features, and the search that covers it."""
+"""The range of disparities in a pair, from a coarse search and matched features, and the search that covers it."""
 
 from __future__ import annotations
 
@@ -8,94 +8,122 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.assess.features import FEWEST_MATCHES, Correspondences
+from stereolag.assess.features import MIN_MATCHES, Correspondences
 from stereolag.assess.orientation import nearest_neighbours, robust_fit
 from stereolag.core.arrays import DoubleMap, FloatMap, percentiles
 from stereolag.core.inputs import Image
 from stereolag.stereo.opencv import StereoSGBM
 
-COARSE_WIDTH = 320
+COARSE_WIDTH_PX = 320
 """Width to which a pair is reduced for the coarse search, px."""
 
-FARTHEST, NEAREST = 0.12, 0.28
-"""Reach of the coarse search behind and in front of infinity, as shares of the width."""
+REACH_BEHIND = 0.12
+"""Reach of the coarse search behind infinity, as a share of the width."""
 
-COARSE_ROW_PX = 0.5
-"""Row errors up to this size in the coarse images are left uncorrected."""
+REACH_IN_FRONT = 0.28
+"""Reach of the coarse search in front of infinity, as a share of the width."""
 
-FEWEST_MEASURED = 0.02
+MAX_COARSE_ROW_ERROR_PX = 0.5
+"""Row errors up to this size in the coarse images are left uncorrected, px."""
+
+MIN_MEASURED_SHARE = 0.02
 """Share of coarse pixels that must be matched for the search to count."""
 
-LEAST_TAIL, FAR_TAIL, NEAR_TAIL = 0.5, 10.0, 5.0
-"""Least percentage of disparities trimmed at each end, and how it grows at the far and near ends with the share not
-measured: the less can be matched, the more matches are wrong. Missing near objects hurts more."""
+MIN_MEASURED_WITHOUT_FEATURES = 0.4
+"""The same if no features show that the images are of one scene."""
 
-LEAST_WITHOUT_FEATURES = 0.4
-"""Share of coarse pixels that must be measured if features do not tell that the images show one scene."""
+MIN_TAIL_PERCENT = 0.5
+"""Percentage of disparities trimmed at either end, at least."""
 
-GROUND_SHARE, GROUND_PERCENTILE = 0.12, 90.0
-"""Lower share of the rows that show the nearest ground, and the percentile of its disparities that is searched."""
+FAR_TAIL_PERCENT, NEAR_TAIL_PERCENT = 10.0, 5.0
+"""Percentages trimmed at the far and near ends, times the share not measured: the fewer pixels can be matched, the more
+matches are wrong. Missing near objects hurts more."""
 
-FEATURE_TAIL, FEATURES_LEFT_OUT = 2.0, 3
-"""Percentage of features trimmed at each end, and their least number."""
+GROUND_ROWS_SHARE = 0.12
+"""Share of the rows, at the lower edge, that show the nearest ground."""
 
-NEIGHBOURS, LEAST_ALIKE, ALIKE = 8, 3, 0.01
-"""Nearest features compared, number that must have the same disparity, and the tolerance as a share of the width."""
+GROUND_PERCENTILE = 90.0
+"""Percentile of the ground's disparities that is searched."""
 
-BEYOND_PX, FEW_BEYOND = -1.0, 0.03
-"""Where features begin if none lies beyond infinity, and the share of pixels beyond it up to which they are wrong, as
-in a sky."""
+FEATURE_TAIL_PERCENT = 2.0
+"""Percentage of features trimmed at either end."""
+
+MIN_FEATURES_TRIMMED = 3
+"""Number of features trimmed at either end, at least."""
+
+NEIGHBOURS = 8
+"""Number of nearest features with which the disparity of a feature is compared."""
+
+MIN_SIMILAR_NEIGHBOURS = 3
+"""Number of these that must have a similar disparity."""
+
+MAX_SIMILAR_DIFFERENCE = 0.01
+"""Difference between similar disparities, as a share of the width."""
+
+MIN_FEATURE_DISPARITY_PX = -1.0
+"""Smallest disparity of features if none is beyond infinity, px."""
+
+MAX_SHARE_BEYOND_INFINITY = 0.03
+"""Share of pixels beyond infinity up to which they are wrong matches, as in a sky."""
+
 INFINITY_SLACK_PX = 4.0
-"""Disparities no more than this below 0 still count as infinity on a rectified pair."""
+"""Disparities no more than this below 0 still count as infinity on a rectified pair, px."""
 
 RANGE_MARGIN = 0.15
-"""Margin of the suggested range beyond the disparities seen, as a share of their span."""
+"""Margin of the suggested range beyond the measured disparities, as a share of their span."""
 
 
 def coarse_range(left: Image, right: Image, points: Correspondences | None) -> tuple[float, float] | None:
-    """Return the range of disparities in a pair; None if neither pixels nor features reveal it.
+    """Return the range of disparities in a pair; None if neither pixels nor features show it.
 
-    Combines a coarse semi-global search, far wider than any pair should need, with the matched features, by which the
-    rows are aligned first; None with too few of them. Features alone would miss near objects, which fill few but
-    important pixels; they help if the search is too narrow or rows are too far off. Both images have one exposure.
+    Combines a coarse semi-global search, far wider than any pair should need, with the range of the matched features,
+    by which the rows are aligned first. Features alone would miss near objects, which fill few but important pixels;
+    they help if the search is too narrow or rows are too far off.
+
+    Parameters
+    ----------
+    left, right
+        Images of equal exposure.
+    points
+        The matched features; None if there are too few.
     """
-    scale = min(1.0, COARSE_WIDTH / left.shape[1])
-    coarse = [reduced(image, COARSE_WIDTH) for image in (left, right)]
+    scale = min(1.0, COARSE_WIDTH_PX / left.shape[1])
+    coarse = [reduced(image, COARSE_WIDTH_PX) for image in (left, right)]
     ends: list[tuple[float, float]] = []
     if points is not None:
         coarse[1] = _rows_aligned(coarse[1], points, scale)
         ends.append(disparities_of(points))
-    found = quick_map(coarse[0], coarse[1])
-    seen = found[np.isfinite(found)]
-    share = seen.size / found.size
-    if share >= (LEAST_WITHOUT_FEATURES if points is None else FEWEST_MEASURED):
-        far, near = (max(LEAST_TAIL, tail * (1 - share)) for tail in (FAR_TAIL, NEAR_TAIL))
-        low, high = percentiles(seen, far, 100 - near) / scale
+    disparity = quick_map(coarse[0], coarse[1])
+    measured = disparity[np.isfinite(disparity)]
+    share = measured.size / disparity.size
+    if share >= (MIN_MEASURED_WITHOUT_FEATURES if points is None else MIN_MEASURED_SHARE):
+        far, near = (max(MIN_TAIL_PERCENT, tail * (1 - share)) for tail in (FAR_TAIL_PERCENT, NEAR_TAIL_PERCENT))
+        low, high = percentiles(measured, far, 100 - near) / scale
         if (
-            low < BEYOND_PX
+            low < MIN_FEATURE_DISPARITY_PX
             and ends
-            and ends[0][0] >= BEYOND_PX
-            and np.mean(seen < -INFINITY_SLACK_PX * scale) <= FEW_BEYOND
+            and ends[0][0] >= MIN_FEATURE_DISPARITY_PX
+            and np.mean(measured < -INFINITY_SLACK_PX * scale) <= MAX_SHARE_BEYOND_INFINITY
         ):
             low = ends[0][0]
-        ends.append((float(low), max(float(high), _nearest_ground(found) / scale)))
+        ends.append((float(low), max(float(high), _nearest_ground(disparity) / scale)))
     return (min(low for low, _ in ends), max(high for _, high in ends)) if ends else None
 
 
 def reduced(image: Image, width: int) -> Image:
-    """Return an image at most so wide."""
+    """Return an image reduced to a width, px, if it is wider."""
     scale = min(1.0, width / image.shape[1])
     height, width = (max(1, round(side * scale)) for side in image.shape[:2])
     return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA))
 
 
-def quick_map(left: Image, right: Image, nearest: float = NEAREST) -> FloatMap:
-    """Return the disparities of small images, up to this share of their width, that pass all checks.
+def quick_map(left: Image, right: Image, reach: float = REACH_IN_FRONT) -> FloatMap:
+    """Return the disparities of small images, up to `reach` of their width, that pass all checks.
 
     Both are framed, so that the whole width is searched.
     """
-    width = left.shape[1]
-    count, first = 16 * max(1, -(-int((FARTHEST + nearest) * width) // 16)), -int(FARTHEST * width)
+    width, first = left.shape[1], -int(REACH_BEHIND * left.shape[1])
+    count = 16 * max(1, math.ceil(int((REACH_BEHIND + reach) * width) / 16))
     framed = [cv2.copyMakeBorder(image, 8, 8, count + 8, 8 - first, cv2.BORDER_REPLICATE) for image in (left, right)]
     matcher = StereoSGBM(
         num_disparities=count,
@@ -108,40 +136,41 @@ def quick_map(left: Image, right: Image, nearest: float = NEAREST) -> FloatMap:
     return matcher.compute(*framed).disparity[8:-8, count + 8 : count + 8 + width]
 
 
-def _nearest_ground(found: FloatMap) -> float:
+def _nearest_ground(disparity: FloatMap) -> float:
     """Return the disparity of the ground at the lower edge, px; 0 if too little of it is measured.
 
-    A bland road is measured at few pixels, so the nearest of it would be taken for wrong matches.
+    A bland road is measured at few pixels, so that its nearest part would be trimmed as wrong matches.
     """
-    foot = found[-max(1, round(GROUND_SHARE * found.shape[0])) :]
-    seen = foot[np.isfinite(foot)]
-    return percentiles(seen, GROUND_PERCENTILE).item() if seen.size >= FEWEST_MEASURED * foot.size else 0.0
+    ground = disparity[-max(1, round(GROUND_ROWS_SHARE * disparity.shape[0])) :]
+    known = ground[np.isfinite(ground)]
+    return percentiles(known, GROUND_PERCENTILE).item() if known.size >= MIN_MEASURED_SHARE * ground.size else 0.0
 
 
 def disparities_of(points: Correspondences) -> tuple[float, float]:
     """Return the range of the disparities of matched features, px, without a few outliers.
 
-    Features with few neighbours of similar disparity do not count: a match with the wrong picket of a fence is on the
-    same row as the right one, but can have any disparity.
+    Features with few neighbours of similar disparity are ignored: a match with the wrong picket of a fence is on the
+    right row, but may have any disparity.
     """
     disparities = -points.dx
     near = nearest_neighbours(points.left, points.left, NEIGHBOURS + 1)[:, 1:]  # the first is the feature itself
-    apart = np.abs(points.dx[near] - points.dx[:, np.newaxis])
-    known = disparities[(apart <= ALIKE * points.shape[1]).sum(axis=1) >= LEAST_ALIKE]
-    if known.size < FEWEST_MATCHES:
-        known = disparities
-    tail = max(FEATURE_TAIL, 100 * FEATURES_LEFT_OUT / known.size)
-    low, high = percentiles(known, tail, 100 - tail)
+    similar = np.abs(points.dx[near] - points.dx[:, np.newaxis]) <= MAX_SIMILAR_DIFFERENCE * points.shape[1]
+    reliable = disparities[similar.sum(axis=1) >= MIN_SIMILAR_NEIGHBOURS]
+    if reliable.size < MIN_MATCHES:
+        reliable = disparities
+    tail = max(FEATURE_TAIL_PERCENT, 100 * MIN_FEATURES_TRIMMED / reliable.size)
+    low, high = percentiles(reliable, tail, 100 - tail)
     return float(low), float(high)
 
 
 def range_for(low: float, high: float, width: int, repeats: float = 0.0) -> tuple[int, int]:
-    """Return the search range for the disparities seen, with a margin; from 0 (infinity) if they begin near it.
+    """Return the search range (first disparity, number) for disparities `low` to `high`, with a margin, px.
 
-    It is never wider than the picture, nor, where the picture repeats, than one repetition.
+    It starts at 0 (infinity) if `low` is near it, and is never wider than the picture or, where the picture repeats,
+    than the distance of its repetition.
     """
     if repeats:
-        # All repetitions fit; of a rectified pair only disparities from 0 on are possible.
+        # Disparities one repetition apart fit equally well; those of a rectified pair are 0 or more.
         return 0, 16 * math.ceil(min(width - 15, repeats) / 16)
     margin = RANGE_MARGIN * max(high - low, 8.0)
     first = 0 if -INFINITY_SLACK_PX <= low - margin <= 16 or -INFINITY_SLACK_PX <= low <= 16 else int(low - margin)
@@ -159,12 +188,12 @@ def _rows_aligned(right: Image, points: Correspondences, scale: float) -> Image:
         return np.column_stack([np.ones(len(x)), x, y, x * x, x * y, y * y])
 
     size = points.shape[1]
-    seen = (np.column_stack([points.right[:, 0], points.left[:, 1]]) / size).astype(np.float64)
-    surface = robust_fit(terms(*seen.T), points.dy.astype(np.float64))
+    positions = (np.column_stack([points.right[:, 0], points.left[:, 1]]) / size).astype(np.float64)
+    surface = robust_fit(terms(*positions.T), points.dy.astype(np.float64))
     rows, cols = np.indices(right.shape[:2])
-    x, y = ((at.ravel() + 0.5) / (scale * size) for at in (cols, rows))
-    away = (terms(x, y) @ surface).reshape(rows.shape) * scale
-    if np.abs(away).max() <= COARSE_ROW_PX:
+    x, y = ((index.ravel() + 0.5) / (scale * size) for index in (cols, rows))
+    dy = (terms(x, y) @ surface).reshape(rows.shape) * scale
+    if np.abs(dy).max() <= MAX_COARSE_ROW_ERROR_PX:
         return right
-    columns, lines = (np.asarray(where, dtype=np.float32) for where in (cols, rows + away))
-    return np.asarray(cv2.remap(right, columns, lines, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+    source_x, source_y = (np.asarray(index, dtype=np.float32) for index in (cols, rows + dy))
+    return np.asarray(cv2.remap(right, source_x, source_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))

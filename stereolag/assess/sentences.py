@@ -76,7 +76,7 @@ SENTENCES: Mapping[FindingCode, tuple[str, str]] = {
         "The pair needs about {needed}, and {searched} px are searched: {fault}.{every}",
     ),
 }
-"""The sentences for a healthy and for an ill finding, with its numbers and the words that follow from them."""
+"""The sentences for a healthy and an ill finding; the fields are its numbers and what :func:`_words` adds."""
 
 
 def finding_in_words(finding: Finding) -> str:
@@ -86,7 +86,7 @@ def finding_in_words(finding: Finding) -> str:
 
 
 def _words(finding: Finding) -> dict[str, str | float]:
-    """Return the words and the percentages of a sentence that follow from its numbers."""
+    """Return the words and percentages of a sentence that are derived from its numbers."""
     numbers = finding.numbers
     match finding.code:
         case FindingCode.MATCHES:
@@ -127,7 +127,7 @@ def _words(finding: Finding) -> dict[str, str | float]:
 
 
 def _fitting(late: float) -> str:
-    """Return which frame of the right camera fits, if one does that is so much later."""
+    """Return a sentence on the frame of the right camera that fits, `late` frames later; "" if it is 0."""
     frames = f"{counted(round(abs(late)), 'frame')} {'later' if late > 0 else 'earlier'}"
     return f" The right picture {frames} fits." if late else ""
 

@@ -36,12 +36,11 @@ from stereolag.stereo.windows.search import CentredSearch
 Step = dict[str, Any]
 """Settings to change together, with names as in :func:`stereolag.core.settings.changed`."""
 
-AS_SET: Step = {}
-SIZES = 7
-"""Number of values tried for a side about which nothing else is known."""
+UNCHANGED: Step = {}
+"""The settings as they are."""
 
-EVERY_PIXEL = 0.95
-"""The overlap that places windows of up to 29 px at every pixel, as the left-right check requires."""
+EVERY_PIXEL_OVERLAP = 0.95
+"""Overlap that places windows of up to 29 px at every pixel, as the left-right check requires."""
 
 
 def candidates(matcher: StereoMatcher) -> list[StereoMatcher]:
@@ -70,11 +69,11 @@ def _likely_first(*axes: Sequence[Any]) -> list[tuple[Any, ...]]:
 def steps(matcher: StereoMatcher) -> Sequence[Sequence[Step]]:
     """Return the axes of steps, most promising first, of which all combinations are tried.
 
-    The default for other methods varies the sides that must fit into the image, and the stages that all methods share.
+    For any other method, this varies the sides that must fit into the image, and the stages that all methods share.
     """
     known = parameters(matcher)
     sides = [
-        [AS_SET, *_each(name, *known[name].values(SIZES))]
+        [UNCHANGED, *_each(name, *known[name].values(7))]
         for name, field in type(matcher).model_fields.items()
         if name in known and marker(field, FitsImage) is not None
     ]
@@ -87,22 +86,22 @@ def _of_windows(matcher: CorrelationMatcher) -> Sequence[Sequence[Step]]:
     if isinstance(matcher.search, CentredSearch):  # a square that keeps its reach
         around = matcher.search.search_size - matcher.window_size
         windows = [step | {"search.search_size": around + step["window_size"]} for step in windows] if around else []
-    every_pixel = {"overlap": max(matcher.overlap, EVERY_PIXEL), "score": "zncc", "engine": "auto"}
+    every_pixel = {"overlap": max(matcher.overlap, EVERY_PIXEL_OVERLAP), "score": "zncc", "engine": "auto"}
     finishing = [every_pixel | step if step else step for step in _finishing(matcher)]
-    return [[*windows, AS_SET], [*finishing, {"score": "zncc"}]]
+    return [[*windows, UNCHANGED], [*finishing, {"score": "zncc"}]]
 
 
 @steps.register
 def _of_bm(matcher: StereoBM) -> Sequence[Sequence[Step]]:
     sizes, caps = _each("block_size", 11, 9, 13, 15, 17, 7, 21), _each("pre_filter_cap", 63, 31)
-    return [[*sizes, AS_SET], [*caps, AS_SET]]
+    return [[*sizes, UNCHANGED], [*caps, UNCHANGED]]
 
 
 @steps.register
 def _of_sgbm(matcher: StereoSGBM) -> Sequence[Sequence[Step]]:
-    # P2 per pixel of the block, as StereoSGBM sums costs over it. P1 is a quarter of P2, as in OpenCV's own examples.
-    sizes = _likely_first((9, 1, 7, 3, 5, 11), (16, 32, 64, 128))
-    penalties = [{"block_size": size, "p1": jump * size**2 // 4, "p2": jump * size**2} for size, jump in sizes]
+    # StereoSGBM sums costs over the block, so that P2 is per pixel of it. P1 is a quarter, as in OpenCV's own examples.
+    pairs = _likely_first((9, 1, 7, 3, 5, 11), (16, 32, 64, 128))
+    penalties = [{"block_size": size, "p1": jump * size**2 // 4, "p2": jump * size**2} for size, jump in pairs]
     return [[step | {"pre_filter_cap": 31} for step in penalties]]
 
 
@@ -112,7 +111,7 @@ def _of_semi_global(matcher: SemiGlobalMatcher) -> Sequence[Sequence[Step]]:
     scaled = [
         {f"optimisation.{name}": max(1, round(factor * value)) for name, value in now.items()} for factor in (0.5, 2.0)
     ]
-    return [[AS_SET, *_each("window_size", 9, 7, 11, 5)], [AS_SET, *scaled], _finishing(matcher)]
+    return [[UNCHANGED, *_each("window_size", 9, 7, 11, 5)], [UNCHANGED, *scaled], _finishing(matcher)]
 
 
 def _each(name: str, *values: Number) -> list[Step]:
@@ -120,17 +119,17 @@ def _each(name: str, *values: Number) -> list[Step]:
 
 
 def _finishing(matcher: StereoMatcher) -> list[Step]:
-    """Return all stages with medians of different radius, then the current settings.
+    """Return steps that turn all stages on, with medians of different radius, then the current settings.
 
-    Active checks keep their tolerance. A hole counts as wrong, so checking and then filling beats either alone.
+    Active checks keep their tolerance. A hole counts as wrong, so that checking and then filling beats either alone.
     """
     if not {"left_right", "speckle", "filling", "median"} <= set(type(matcher).model_fields):
-        return [AS_SET]
+        return [UNCHANGED]
     now = dict(matcher)
     checked = {"left_right": now["left_right"] or LeftRightCheck(), "speckle": now["speckle"] or SpeckleFilter()}
     median: MedianFilter = now["median"] or MedianFilter()
     medians = [{"median": changed(median, {"radius": radius})} for radius in (6, 10)]
-    return [*(checked | {"filling": True} | step for step in medians), AS_SET]
+    return [*(checked | {"filling": True} | step for step in medians), UNCHANGED]
 
 
 def side_of(matcher: StereoMatcher) -> int:
@@ -148,18 +147,20 @@ def differences(before: Settings, after: Settings, path: str = "") -> Iterator[t
             yield f"{path}{name}", old, new
 
 
-SMALLEST_GAIN = 0.1
-"""Percentage points of bad-2; a change that gains less is not worth making."""
+MIN_GAIN = 0.1
+"""Gain in bad-2 from which a change is worth making, percentage points."""
 
-FOR_ALL = 0.75
-"""Whole images are used throughout if that is estimated to take at most this share of the time left."""
+MAX_WHOLE_TIME_SHARE = 0.75
+"""Whole images are used throughout if that is estimated to take at most this share of the remaining time."""
 
-FOR_STRIPS, LEAST_SHARE = 0.5, 0.1
-"""Share of the time left that trials on strips may take, and least share of the rows in the strips."""
+STRIPS_TIME_SHARE = 0.5
+"""Share of the remaining time for trials on strips."""
 
+MIN_STRIPS_SHARE = 0.1
+"""Share of the rows in the strips, at least."""
 
-LIKELIEST = 6
-"""Number tried on strips however little time is left, so that a busy machine does not prevent all trials."""
+MIN_TRIALS = 6
+"""Number of trials on strips however little time remains, so that a busy machine does not prevent them all."""
 
 
 class Outcome(StrEnum):
@@ -172,7 +173,7 @@ class Outcome(StrEnum):
 
 
 class Trial(NamedTuple):
-    """One set of settings tried."""
+    """Settings that were tried, and how they did."""
 
     matcher: StereoMatcher
     bad: float
@@ -180,7 +181,7 @@ class Trial(NamedTuple):
     gain: float
     """Decrease relative to the initial settings on the same pixels, in percentage points."""
     whole: bool
-    """Whether tried on the whole images rather than on strips."""
+    """Whether they were tried on the whole images rather than on strips."""
     sure_gain: float = math.nan
     """The gain minus the part that may be due to chance."""
     judgements: Sequence[Judgement] = ()
@@ -196,7 +197,7 @@ class Suggestion:
     start
         The initial settings.
     matcher
-        The best settings; the initial ones if no others are really better.
+        The best settings; the initial ones if no others are certainly better.
     outcome
         Whether better settings were found, or why none could be judged.
     criterion
@@ -207,7 +208,7 @@ class Suggestion:
         All trials besides the initial settings, in order; settings tried on strips and then on the whole images appear
         twice.
     finished
-        Whether all trials were made, rather than cut short by the time budget or a cancel.
+        Whether all trials were made; False if the time budget or a cancel ended the search.
 
     Examples
     --------
@@ -259,86 +260,96 @@ class _Search:
             raise ValueError(f"budget_s is {budget_s} s; allowed is a finite number above 0.")
         self.start, self.budget_s, self.cancelled = start, budget_s, cancelled
         self.progress, self.found = progress or silent, found or (lambda _: None)
-        self.end, self.told = time.perf_counter() + budget_s, 0.0
+        self.end, self.reported = time.perf_counter() + budget_s, 0.0
 
     @property
-    def left_s(self) -> float:
-        """Return the seconds left; negative after the budget is used up."""
+    def remaining_s(self) -> float:
+        """Return the remaining seconds of the budget; negative if it is exceeded."""
         return self.end - time.perf_counter()
 
     def report(self, done: float) -> None:
         """Report the fraction done, or the share of the budget used if that is larger."""
-        self.told = min(1.0, max(self.told, done, 1 - self.left_s / self.budget_s))
-        self.progress(self.told)
+        self.reported = min(1.0, max(self.reported, done, 1 - self.remaining_s / self.budget_s))
+        self.progress(self.reported)
 
     def tick(self, _: float = 0.0) -> None:
         """Report the time used, from within a trial."""
-        self.report(self.told)
+        self.report(self.reported)
 
     def suggestion(self, pairs: Sequence[TuningPair]) -> Suggestion:
-        """Return what the trials suggest; pairs that cannot judge are left out."""
-        why = [pair.unjudged(self.start) for pair in pairs]
-        self.pairs = [pair for pair, reason in zip(pairs, why, strict=True) if reason is None]
+        """Return the outcome of the search; pairs that cannot judge are left out."""
+        reasons = [pair.unjudged(self.start) for pair in pairs]
+        self.pairs = [pair for pair, reason in zip(pairs, reasons, strict=True) if reason is None]
         if self.pairs:
-            result = self._tried()
+            result = self._searched()
         else:
-            result = Suggestion(self.start, self.start, next(filter(None, why)), Criterion.ESTIMATED_BAD_2)
+            result = Suggestion(self.start, self.start, next(filter(None, reasons)), Criterion.ESTIMATED_BAD_2)
         self.report(1.0)
         return result
 
-    def _tried(self) -> Suggestion:
-        """Try all candidates on the whole images or, if time is short, on strips first and then the best on the whole.
+    def _searched(self) -> Suggestion:
+        """Try all candidates on the whole images or, if time is short, on strips, and the best of them on the whole.
 
         Only whole images decide, and if bad-2 is an estimate, only a certain gain (:attr:`Gain.sure`).
         """
-        start, began = self.start, self.left_s
+        start, remaining_s = self.start, self.remaining_s
         self.before = self._judged(start, self.pairs)
-        self.once_s, bad = began - self.left_s, _mean_bad(self.before)
+        self.start_s, bad = remaining_s - self.remaining_s, _mean_bad(self.before)
         self.so_far = Suggestion(start, start, Outcome.AS_GOOD, criterion_of(self.pairs), bad, bad, finished=False)
         self.found(self.so_far)
         tried = candidates(start)
         seconds = [*map(self._seconds, tried)]
-        if sum(seconds) <= FOR_ALL * self.left_s:
+        if sum(seconds) <= MAX_WHOLE_TIME_SHARE * self.remaining_s:
             finished, ranked = self._ranked(self.pairs, tried, len(tried))
         else:
-            share = max(LEAST_SHARE, FOR_STRIPS * self.left_s / sum(seconds))
+            share = max(MIN_STRIPS_SHARE, STRIPS_TIME_SHARE * self.remaining_s / sum(seconds))
             strips, steps = [pair.strips(share, side_of(start)) for pair in self.pairs], 2 * len(tried)
             finished, ranked = self._ranked(
-                strips, tried, steps, whole=False, reserved_s=max(seconds), at_least=LIKELIEST
+                strips, tried, steps, whole=False, reserved_s=max(seconds), min_trials=MIN_TRIALS
             )
-            finalists = [one.matcher for one in ranked if one.gain > 0]
-            _, ranked = self._ranked(self.pairs, finalists, steps, at_least=1, despite_cancel=True)
-        end = replace(self.so_far, finished=finished)
-        better = [one for one in ranked if self._merit(one) > 0 and one.gain > SMALLEST_GAIN]
+            finalists = [trial.matcher for trial in ranked if trial.gain > 0]
+            _, ranked = self._ranked(self.pairs, finalists, steps, min_trials=1, despite_cancel=True)
+        result = replace(self.so_far, finished=finished)
+        better = [trial for trial in ranked if self._merit(trial) > 0 and trial.gain > MIN_GAIN]
         if not better:
-            return end
-        best = _finest(better) if end.criterion is Criterion.ESTIMATED_BAD_2 else better[0]
-        return replace(end, matcher=best.matcher, bad=best.bad, outcome=Outcome.BETTER)
+            return result
+        best = _finest(better) if result.criterion is Criterion.ESTIMATED_BAD_2 else better[0]
+        return replace(result, matcher=best.matcher, bad=best.bad, outcome=Outcome.BETTER)
 
     def _ranked(
         self,
         pairs: Sequence[TuningPair],
-        those: Sequence[StereoMatcher],
+        matchers: Sequence[StereoMatcher],
         steps: int,
         *,
         whole: bool = True,
         reserved_s: float = 0.0,
-        at_least: int = 0,
+        min_trials: int = 0,
         despite_cancel: bool = False,
     ) -> tuple[bool, list[Trial]]:
         """Try settings one after another; return whether all were tried, and the trials, best first.
 
-        The pairs are whole, or strips of them; of all `steps` of the search, `at_least` so many are made however little
-        time is left, others only if `reserved_s` seconds remain after them. A cancel ends it unless `despite_cancel`.
+        Parameters
+        ----------
+        pairs
+            The `whole` pairs, or strips of them.
+        matchers
+            The settings.
+        steps
+            Number of trials in the whole search, of which progress is reported.
+        reserved_s
+            Time that must remain after a trial, s.
+        min_trials
+            Number of trials made however little time remains, and even after a cancel if `despite_cancel`.
         """
         before = self.before if whole else self._judged(self.start, pairs)
         share = pairs[0].left.shape[0] / self.pairs[0].left.shape[0]
-        done: list[Trial] = []
+        trials: list[Trial] = []
         finished = True
-        for number, matcher in enumerate(those):
+        for number, matcher in enumerate(matchers):
             cancelled = self.cancelled()
-            forced = number < at_least and (despite_cancel or not cancelled)
-            late = self.left_s < self._seconds(matcher) * share + reserved_s
+            forced = number < min_trials and (despite_cancel or not cancelled)
+            late = self.remaining_s < self._seconds(matcher) * share + reserved_s
             if (cancelled or late) and not forced:
                 finished = False
                 break
@@ -347,30 +358,30 @@ class _Search:
             except ValueError:  # settings that do not fit the images, or need too much memory
                 continue
             gain = Gain.between(before, after)
-            done.append(Trial(matcher, _mean_bad(after), gain.points, whole, gain.sure, after))
-            self.so_far = replace(self.so_far, trials=(*self.so_far.trials, done[-1]))
+            trials.append(Trial(matcher, _mean_bad(after), gain.points, whole, gain.sure, after))
+            self.so_far = replace(self.so_far, trials=(*self.so_far.trials, trials[-1]))
             self.report(len(self.so_far.trials) / steps)
             self.found(self.so_far)
-        return finished, sorted(done, key=self._merit, reverse=True)
+        return finished, sorted(trials, key=self._merit, reverse=True)
 
     def _seconds(self, matcher: StereoMatcher) -> float:
         """Return the expected seconds of a trial on the whole images, scaled from the initial settings' time."""
-        mine, first = (sum(pair.estimate(one).seconds for pair in self.pairs) for one in (matcher, self.start))
-        return self.once_s * mine / first
+        expected, of_start = (sum(pair.estimate(one).seconds for pair in self.pairs) for one in (matcher, self.start))
+        return self.start_s * expected / of_start
 
     def _judged(self, matcher: StereoMatcher, pairs: Sequence[TuningPair]) -> list[Judgement]:
         return [pair.judge(matcher, progress=self.tick) for pair in pairs]
 
-    def _merit(self, one: Trial) -> float:
-        return one.sure_gain if self.so_far.criterion is Criterion.ESTIMATED_BAD_2 else one.gain
+    def _merit(self, trial: Trial) -> float:
+        return trial.sure_gain if self.so_far.criterion is Criterion.ESTIMATED_BAD_2 else trial.gain
 
 
 def _finest(better: Sequence[Trial]) -> Trial:
-    """Return the settings with the smallest window among the best and those indistinguishable from them.
+    """Return the trial with the smallest window among the best one and those within its standard error.
 
-    Dense maps from different windows differ at the edges of surfaces. The reference is blurred there too, as it is
-    made with windows, and it does not judge occluded areas, so it slightly favours large windows. Hence within one
-    standard error the smaller window wins (Breiman et al., *Classification and Regression Trees*, 1984, 3.4).
+    Dense maps from different windows differ at the edges of surfaces. The reference is also made with windows, thus
+    blurred there, and does not judge occluded areas, so that it slightly favours large windows. Hence the smaller
+    window wins within one standard error (Breiman et al., *Classification and Regression Trees*, 1984, 3.4).
     """
     best = better[0]
 
@@ -379,7 +390,7 @@ def _finest(better: Sequence[Trial]) -> Trial:
         dense = all(one.dense for one in (*best.judgements, *other.judgements))
         return other is best or (dense and lead.points <= lead.error)
 
-    return min(filter(as_good, better), key=lambda one: side_of(one.matcher))
+    return min(filter(as_good, better), key=lambda trial: side_of(trial.matcher))
 
 
 def _mean_bad(judgements: Sequence[Judgement]) -> float:
@@ -399,9 +410,9 @@ def suggest(
 ) -> Suggestion:
     """Search for settings of a matcher that suit a pair better.
 
-    Promising steps are tried in combination (:mod:`.candidates`); the search range and the tolerances
-    of checks are kept. The suggestion is better on the whole images, or it is the initial settings. Without ground
-    truth, settings are judged against the disparities measured by the accurate preset over the same range
+    Promising steps are tried in combination (:func:`candidates`); the search range and the tolerances of checks are
+    kept. The suggested settings are better on the whole images, or they are the initial ones. Without ground truth,
+    settings are judged against the disparities measured by the accurate preset over the same range
     (:func:`stereolag.assess.judging.measured_reference`).
 
     Parameters
@@ -413,8 +424,8 @@ def suggest(
     ground_truth
         (H, W) disparity, px; NaN or infinite = unknown.
     budget_s
-        Time budget, s. If it is too short, the search still computes the reference and the initial settings, tries the
-        most promising others on strips of the images and the best of these on the whole images.
+        Time budget, s. If it is too short, the search still computes the reference and the map of the initial settings,
+        tries the most promising others on strips of the images, and the best of these on the whole images.
     progress
         Called with the fraction done, 0..1.
     found
@@ -469,7 +480,7 @@ def suggest_for_all(
     Parameters
     ----------
     pairs
-        At least one; if they are generated lazily, the time to make them counts against the budget. The mean is an
+        At least one; if they are generated lazily, the budget includes the time to make them. The mean is an
         estimate if any pair's bad-2 is; pairs that cannot judge are left out.
 
     Raises
@@ -478,11 +489,11 @@ def suggest_for_all(
         If the initial settings do not fit the images.
     """
     search = _Search(matcher, budget_s, progress, found, cancelled)
-    made = []
+    given = []
     for pair in pairs:
-        made.append(pair)
+        given.append(pair)
         search.tick()
-    return search.suggestion(made)
+    return search.suggestion(given)
 
 
 def estimate_suggestion(

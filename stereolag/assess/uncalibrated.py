@@ -14,7 +14,7 @@ from stereolag.assess.features import Correspondences
 from stereolag.core.arrays import DoubleMap, Mask, median
 from stereolag.core.inputs import Image
 
-USUAL = np.array([0.2, 0.1, 0.2, 0.1, 0.1, 0.3, 0.02, 0.3, 0.5])
+TYPICAL = np.array([0.2, 0.1, 0.2, 0.1, 0.1, 0.3, 0.02, 0.3, 0.5])
 """Typical magnitudes of the parameters: rotations in radians, logarithms of focal lengths, and the lens coefficient
 with its shape.
 
@@ -27,18 +27,26 @@ FOCAL, LENS, SHAPE = 5, 7, 8
 NOISE_PX = 0.3
 """Typical error of a match, px at the size at which it was matched."""
 
-MOST_STEPS, MOST_POINTS = 30, 400
-"""Limits on fitting steps and on matches; more matches cost more time than they are worth."""
-DIFFERENCE = 1e-6
+MAX_FIT_STEPS = 30
+"""Largest number of steps of a fit."""
+
+MAX_FITTED_MATCHES = 400
+"""Largest number of matches that a model is fitted to; more cost more time than they are worth."""
+
+DERIVATIVE_STEP = 1e-6
 """Step of the parameters for numerical derivatives."""
 
 GRID_PX = 8
-"""Spacing of the grid on which a warp is computed; between its nodes the warp is linear to a hundredth of a pixel."""
+"""Spacing of the grid on which a warp is computed, px; between its nodes the warp is linear to a hundredth of a
+pixel."""
 
-NEWTON_STEPS, FLATTEST = 5, 0.1
-"""Newton steps to undo a distortion, and the least slope of the distortion used in them."""
+NEWTON_STEPS = 5
+"""Number of Newton steps that undo a distortion."""
 
-PARTS = 4
+MIN_DISTORTION_SLOPE = 0.1
+"""Slope of the distortion assumed in these steps at least."""
+
+FOLDS = 4
 """Number of parts into which matches are split for cross-validation."""
 
 
@@ -116,24 +124,24 @@ class UncalibratedRectification:
         """Return both images rectified, of the same size and type; pixels from outside repeat the border."""
         width, centre = self.shape[1], centre_of(self.shape)
         focal, cameras = _cameras(self.parameters)
-        # Both are shifted alike, so that together they are centred in the frame.
-        middles = _rectified(self.parameters, self.shape, centre[None], centre[None])
-        shift = (centre - (middles[0] + middles[1]) / 2)[0]
+        # Both views are shifted equally, so that together they are centred in the frame.
+        left_centre, right_centre = _rectified(self.parameters, self.shape, centre[None], centre[None])
+        shift = (centre - (left_centre + right_centre) / 2)[0]
         rows, cols = (np.arange(0, side + GRID_PX, GRID_PX) for side in self.shape)
         grid = np.stack(np.meshgrid(cols, rows), axis=-1)
         target = grid.reshape(-1, 2)
         rays = np.column_stack([(target - shift - centre) / (width * focal), np.ones(len(target))])
         nodes = np.diag([1.0 / GRID_PX, 1.0 / GRID_PX, 1.0])[:2]
-        done = []
-        for image, (turn, length) in zip((left, right), cameras, strict=True):
-            seen = rays @ turn
-            undistorted = seen[:, :2] / np.maximum(seen[:, 2:], 1e-3) * length
+        rectified = []
+        for image, (rotation, length) in zip((left, right), cameras, strict=True):
+            camera_rays = rays @ rotation
+            undistorted = camera_rays[:, :2] / np.maximum(camera_rays[:, 2:], 1e-3) * length
             sources = _distorted(undistorted, self.parameters) * width + centre
-            known = sources.astype(np.float32).reshape(grid.shape)
-            where = cv2.warpAffine(known, nodes, self.shape[::-1], flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
-            x, y = cv2.split(where)
-            done.append(np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)))
-        return done[0], done[1]
+            coarse = sources.astype(np.float32).reshape(grid.shape)
+            fine = cv2.warpAffine(coarse, nodes, self.shape[::-1], flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+            x, y = cv2.split(fine)
+            rectified.append(np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)))
+        return rectified[0], rectified[1]
 
 
 def fit_rectification(
@@ -141,45 +149,53 @@ def fit_rectification(
 ) -> UncalibratedRectification:
     """Fit the model to matches robustly, by damped least squares of the row differences with Cauchy weights.
 
-    The matches are mostly right. The lens coefficient is 0 unless `lens` is set. It starts from another model, or from
-    cameras side by side. Without `depth`, of a camera that only turned, columns are to match as well.
+    Parameters
+    ----------
+    points
+        Matches, most of them right.
+    lens
+        Whether to fit the lens coefficient; otherwise it is 0.
+    start
+        The initial model; None for cameras side by side.
+    depth
+        False for one camera that only turned: the differences of columns are then minimised as well.
     """
-    if len(points) > MOST_POINTS:
-        points = points.chosen(np.random.default_rng(0).choice(len(points), MOST_POINTS, replace=False))
+    if len(points) > MAX_FITTED_MATCHES:
+        points = points.chosen(np.random.default_rng(0).choice(len(points), MAX_FITTED_MATCHES, replace=False))
 
-    known: dict[tuple[float, float], list[DoubleMap]] = {}
+    undistorted: dict[tuple[float, float], list[DoubleMap]] = {}
 
-    def reduced_errors(given: DoubleMap) -> DoubleMap:
-        # Most steps, and most derivatives, leave the lens as it is.
-        lens_of = _radial(given)
-        if lens_of not in known:
-            known[lens_of] = _straightened(given, points.shape, points.left, points.right)
-        return _differences(given, points.shape, *known[lens_of])[:, depth:].ravel() * points.scale
+    def scaled_errors(parameters: DoubleMap) -> DoubleMap:
+        # Most steps, and most derivatives, do not change the lens.
+        distortion = _radial(parameters)
+        if distortion not in undistorted:
+            undistorted[distortion] = _straightened(parameters, points.shape, points.left, points.right)
+        return _differences(parameters, points.shape, *undistorted[distortion])[:, depth:].ravel() * points.scale
 
-    free = np.arange(len(USUAL) if lens else LENS)
-    parameters = np.zeros(len(USUAL))
+    free = np.arange(len(TYPICAL) if lens else LENS)
+    parameters = np.zeros(len(TYPICAL))
     if start is not None:
         parameters[free] = start.parameters[free]
-    damping, usual = 1e-3, np.diag(USUAL**-2)
-    errors = reduced_errors(parameters)
-    for _ in range(MOST_STEPS):
+    damping, prior = 1e-3, np.diag(TYPICAL**-2)
+    errors = scaled_errors(parameters)
+    for _ in range(MAX_FIT_STEPS):
         noise = max(NOISE_PX, 1.4826 * median(np.abs(errors)))
-        slopes = _slopes(reduced_errors, parameters, errors)
+        slopes = _slopes(scaled_errors, parameters, errors)
         weights = 1 / (1 + (errors / (2 * noise)) ** 2) / noise**2
-        normal = (slopes.T @ (weights[:, None] * slopes) + usual)[np.ix_(free, free)]
-        downhill = -(slopes.T @ (weights * errors) + usual @ parameters)[free]
+        normal = (slopes.T @ (weights[:, None] * slopes) + prior)[np.ix_(free, free)]
+        downhill = -(slopes.T @ (weights * errors) + prior @ parameters)[free]
         before = cost_of_errors(errors, noise, parameters)
         tried, after = parameters.copy(), np.inf
         while after >= before and damping < 1e6:
             tried[free] = parameters[free] + np.linalg.solve(normal + damping * np.diag(np.diag(normal)), downhill)
-            tried_errors = reduced_errors(tried)
+            tried_errors = scaled_errors(tried)
             after = cost_of_errors(tried_errors, noise, tried)
             damping *= 0.1 if after < before else 10
         if after < before:
             parameters, errors = tried, tried_errors
         if after >= before * (1 - 1e-4):
             break
-    covariance = np.zeros((len(USUAL), len(USUAL)))
+    covariance = np.zeros((len(TYPICAL), len(TYPICAL)))
     covariance[np.ix_(free, free)] = np.linalg.inv(normal)
     return UncalibratedRectification(parameters, covariance, points.shape)
 
@@ -187,22 +203,22 @@ def fit_rectification(
 def held_out_errors(points: Correspondences, *, lens: bool, start: UncalibratedRectification) -> DoubleMap:
     """Return the row error of every match, px, under a model fitted only to other matches."""
     errors = np.zeros(len(points))
-    dealt = np.random.default_rng(0).permutation(len(points)) % PARTS
-    for part in range(PARTS):
-        fitted = fit_rectification(points.chosen(dealt != part), lens=lens, start=start)
-        errors[dealt == part] = fitted.row_errors(points.chosen(dealt == part))
+    folds = np.random.default_rng(0).permutation(len(points)) % FOLDS
+    for fold in range(FOLDS):
+        fitted = fit_rectification(points.chosen(folds != fold), lens=lens, start=start)
+        errors[folds == fold] = fitted.row_errors(points.chosen(folds == fold))
     return errors
 
 
 def cost_of_errors(errors: DoubleMap, noise: float, parameters: DoubleMap) -> float:
     """Return the cost of a model: its misfit to matches, and a penalty for unusual cameras."""
     with np.errstate(all="ignore"):
-        total = float(4 * np.log1p((errors / (2 * noise)) ** 2).sum() + ((parameters / USUAL) ** 2).sum())
+        total = float(4 * np.log1p((errors / (2 * noise)) ** 2).sum() + ((parameters / TYPICAL) ** 2).sum())
     return total if np.isfinite(total) else np.inf
 
 
 def _differences(parameters: DoubleMap, shape: tuple[int, int], *straight: DoubleMap) -> DoubleMap:
-    """Return the (n, 2) differences of undistorted points once the cameras are turned, right minus left, px."""
+    """Return the (n, 2) differences of undistorted points after rotating the cameras, right minus left, px."""
     # A step of the fit may try impossible cameras; their cost is infinite.
     with np.errstate(all="ignore"):
         left, right = _turned(parameters, shape, *straight)
@@ -211,8 +227,8 @@ def _differences(parameters: DoubleMap, shape: tuple[int, int], *straight: Doubl
 
 def _slopes(function: Callable[[DoubleMap], DoubleMap], at: DoubleMap, here: DoubleMap) -> DoubleMap:
     """Return the (n, 9) derivatives of a function by each parameter; `here` is its value at `at`."""
-    steps = DIFFERENCE * np.eye(len(at))
-    return np.column_stack([(function(at + step) - here) / DIFFERENCE for step in steps])
+    steps = DERIVATIVE_STEP * np.eye(len(at))
+    return np.column_stack([(function(at + step) - here) / DERIVATIVE_STEP for step in steps])
 
 
 def centre_of(shape: tuple[int, int]) -> DoubleMap:
@@ -223,12 +239,12 @@ def centre_of(shape: tuple[int, int]) -> DoubleMap:
 def _cameras(parameters: DoubleMap) -> tuple[float, tuple[tuple[DoubleMap, float], tuple[DoubleMap, float]]]:
     """Return the focal length of the rectified images, and the rotation and focal length of each camera, in widths."""
     left_yaw, left_roll, right_yaw, right_roll, pitch, focal, ratio = parameters[:LENS]
-    left_turn, right_turn = (
-        np.asarray(cv2.Rodrigues(np.array(turn))[0], dtype=np.float64)
-        for turn in ((-pitch / 2, left_yaw, left_roll), (pitch / 2, right_yaw, right_roll))
+    left_rotation, right_rotation = (
+        np.asarray(cv2.Rodrigues(np.array(angles))[0], dtype=np.float64)
+        for angles in ((-pitch / 2, left_yaw, left_roll), (pitch / 2, right_yaw, right_roll))
     )
     length = float(np.exp(focal))
-    return length, ((left_turn, length), (right_turn, float(np.exp(focal + ratio))))
+    return length, ((left_rotation, length), (right_rotation, float(np.exp(focal + ratio))))
 
 
 def _rectified(
@@ -239,21 +255,21 @@ def _rectified(
 
 
 def _straightened(parameters: DoubleMap, shape: tuple[int, int], *views: npt.NDArray[np.floating]) -> list[DoubleMap]:
-    """Return the undistorted positions of points, in widths from the centre."""
+    """Return the undistorted positions of the points of each view, in widths from the centre."""
     width, centre = shape[1], centre_of(shape)
     with np.errstate(all="ignore"):  # a step of the fit may try an impossible lens
         return [_undistorted((points - centre) / width, parameters) for points in views]
 
 
 def _turned(parameters: DoubleMap, shape: tuple[int, int], *straight: DoubleMap) -> tuple[DoubleMap, DoubleMap]:
-    """Return where the rotated cameras see undistorted points of the left and right images, px."""
+    """Return the positions of undistorted points of the left and right images in the rotated cameras, px."""
     width, centre = shape[1], centre_of(shape)
     focal, cameras = _cameras(parameters)
-    done = []
-    for undistorted, (turn, length) in zip(straight, cameras, strict=True):
-        rays = undistorted @ (turn[:, :2] / length).T + turn[:, 2]
-        done.append(np.asarray(rays[:, :2] / np.maximum(rays[:, 2:], 1e-3) * (width * focal) + centre))
-    return done[0], done[1]
+    positions = []
+    for undistorted, (rotation, length) in zip(straight, cameras, strict=True):
+        rays = undistorted @ (rotation[:, :2] / length).T + rotation[:, 2]
+        positions.append(np.asarray(rays[:, :2] / np.maximum(rays[:, 2:], 1e-3) * (width * focal) + centre))
+    return positions[0], positions[1]
 
 
 def _radial(parameters: DoubleMap) -> tuple[float, float]:
@@ -263,7 +279,7 @@ def _radial(parameters: DoubleMap) -> tuple[float, float]:
 
 
 def _distorted(straight: DoubleMap, parameters: DoubleMap) -> DoubleMap:
-    """Return the distorted positions of points, in widths from the centre, at most the model's largest radius."""
+    """Return the distorted positions of points, in widths from the centre, up to the model's largest radius."""
     second, fourth = _radial(parameters)
     square = (straight**2).sum(axis=1, keepdims=True)
     turning_back = [root.real for root in np.roots([5 * fourth, 3 * second, 1]) if root.real > 0 and root.imag == 0]
@@ -271,13 +287,13 @@ def _distorted(straight: DoubleMap, parameters: DoubleMap) -> DoubleMap:
     return np.asarray(straight * (1 + second * square + fourth * square**2))
 
 
-def _undistorted(seen: DoubleMap, parameters: DoubleMap) -> DoubleMap:
+def _undistorted(distorted: DoubleMap, parameters: DoubleMap) -> DoubleMap:
     """Return the undistorted positions of points, in widths from the centre, by Newton's method."""
     second, fourth = _radial(parameters)
-    far = np.sqrt((seen**2).sum(axis=1, keepdims=True))
-    straight = far
+    target = np.sqrt((distorted**2).sum(axis=1, keepdims=True))
+    radius = target
     for _ in range(NEWTON_STEPS):
-        square = straight**2
-        slope = np.maximum(1 + 3 * second * square + 5 * fourth * square**2, FLATTEST)
-        straight = np.maximum(straight - (straight * (1 + second * square + fourth * square**2) - far) / slope, 0)
-    return np.asarray(seen * np.divide(straight, far, out=np.ones_like(far), where=far > 0))
+        square = radius**2
+        slope = np.maximum(1 + 3 * second * square + 5 * fourth * square**2, MIN_DISTORTION_SLOPE)
+        radius = np.maximum(radius - (radius * (1 + second * square + fourth * square**2) - target) / slope, 0)
+    return np.asarray(distorted * np.divide(radius, target, out=np.ones_like(target), where=target > 0))

@@ -30,7 +30,7 @@ from stereolag.io.guard import Door, unguarded
 from stereolag.io.images import read_image
 from stereolag.io.settings import matcher_of, parsed_json, settings_document
 from stereolag.io.sources import Archive
-from stereolag.stereo.matcher import FARTHEST_FIRST, LARGEST_COUNT, StereoMatcher
+from stereolag.stereo.matcher import MAX_ABS_MIN_DISPARITY, MAX_NUM_DISPARITIES, StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.version import VERSION
 
@@ -98,8 +98,8 @@ class SavedPair(_Saved):
     files: dict[str, str] = {}
     description: Line = ""
     history: Annotated[list[Line], AfterValidator(lambda lines: [*filter(None, lines[:MAX_HISTORY_LINES])])] = []
-    num_disparities: Annotated[int | None, Field(ge=1, le=LARGEST_COUNT)] = None
-    min_disparity: Annotated[int, Field(ge=-FARTHEST_FIRST, le=FARTHEST_FIRST)] = 0
+    num_disparities: Annotated[int | None, Field(ge=1, le=MAX_NUM_DISPARITIES)] = None
+    min_disparity: Annotated[int, Field(ge=-MAX_ABS_MIN_DISPARITY, le=MAX_ABS_MIN_DISPARITY)] = 0
 
 
 class SessionDocument(_Saved):

@@ -20,7 +20,7 @@ from stereolag.stereo.windows.engines import comparable, match_windows
 from stereolag.stereo.windows.norms import WindowNorms, Windows, describe_windows
 from stereolag.stereo.windows.pixels import fit_in_two_dimensions, fit_peaks
 from stereolag.stereo.windows.scores import change, changing_rows, row_change
-from stereolag.stereo.windows.search import MOST_LAGS, LagMap, LagRange, WindowMatches, WindowQuery
+from stereolag.stereo.windows.search import MAX_LAGS, LagMap, LagRange, WindowMatches, WindowQuery
 
 Flow: TypeAlias = npt.NDArray[np.float32]
 """(2, H, W) float32: dy and dx, px of the level."""
@@ -133,7 +133,7 @@ class _Best(NamedTuple):
 
 def _strips(reach: int) -> Iterator[tuple[int, int]]:
     """Yield the first and last dy of strips no larger than one matching pass allows; strips share two rows of lags."""
-    rows, first = min(MOST_LAGS // (2 * reach + 1), 2 * reach + 1), -reach
+    rows, first = min(MAX_LAGS // (2 * reach + 1), 2 * reach + 1), -reach
     while first + rows - 1 < reach:
         yield first, first + rows - 1
         first += rows - 2

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from stereolag.assess.diagnosis import Diagnosis, diagnose
-from stereolag.assess.features import FEWEST_MATCHES
+from stereolag.assess.features import MIN_MATCHES
 from stereolag.assess.findings import Finding, FindingCode
 from stereolag.assess.layout import find_views
 from stereolag.assess.orientation import find_correspondences
@@ -92,6 +92,6 @@ def _rows_apart(sequence: StereoSequence, place: int, late: int) -> float | None
     if left is None or right is None:
         return None
     views = find_views(find_correspondences(left[0], right[1]))
-    if views is None or len(views.points) < FEWEST_MATCHES:
+    if views is None or len(views.points) < MIN_MATCHES:
         return None
     return float(np.median(np.abs(views.points.dy)))

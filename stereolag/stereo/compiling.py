@@ -1,4 +1,4 @@
-"""A share of the first compilation of a matcher's loops, for another process."""
+"""Compilation of part of a matcher's loops, by another process."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from stereolag.stereo.matcher import PixelMatches, Reason, StereoMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import WindowMatches
 
-ROWS = 16
-"""Rows matched, in addition to those of a window."""
+EXTRA_ROWS = 16
+"""Number of rows matched beyond the side of a window."""
 
 
 def few_rows(matcher: StereoMatcher, *images: Image) -> list[Image]:
-    """Return the upper rows of images, as many as the matcher's loops need to be compiled or loaded."""
+    """Return the upper rows of images, enough for the matcher's loops to be compiled or loaded."""
     sides = [int(value) for name, value in matcher if marker(type(matcher).model_fields[name], FitsImage)]
-    return [image[: max(sides, default=0) + ROWS] for image in images]
+    return [image[: max(sides, default=0) + EXTRA_ROWS] for image in images]
 
 
 def compile_share(matcher: StereoMatcher, shape: tuple[int, ...], dtype: str) -> None:
@@ -34,19 +34,18 @@ def complete(matcher: StereoMatcher, left: Image, right: Image) -> None:
     random = np.random.default_rng(0)
     if isinstance(matcher, CorrelationMatcher):
         query = matcher.query(as_grey(left), as_grey(right))
-        shape = tuple((side - query.window_size) // query.step + 1 for side in query.left.shape)
-        around = random.random((3 if query.lags.rows > 1 else 1, 3, *shape), np.float32)
-        lag = random.integers(-6, -3, shape).astype(np.int16)
-        found = WindowMatches(
-            dy=np.zeros_like(lag),
-            dx=lag,
+        around = random.random((3 if query.lags.rows > 1 else 1, 3, *query.grid), np.float32)
+        dx = random.integers(-6, -3, query.grid).astype(np.int16)
+        matches = WindowMatches(
+            dy=np.zeros_like(dx),
+            dx=dx,
             score=around[len(around) // 2, 1],
             around=around,
             texture=around[0, 0] * 99,
             runner_up=around[0, 0] if query.runner_up else None,
             right_dx=np.full(query.right.shape, -5, np.int16) if query.right_matches else None,
         )
-        matcher.completed(found, query, left, right)
+        matcher.completed(matches, query, left, right)
     elif isinstance(matcher, Finishing):
         disparity = random.integers(3, 6, left.shape[:2]).astype(np.float32)
         gaps = random.random(disparity.shape) < 0.1

@@ -27,11 +27,11 @@ class Evaluation:
     bad
         {threshold px: % of the pixels with ground truth that are off by more than the threshold *or missing*}.
     bad_measured
-        {threshold px: % of the estimated pixels with ground truth that are off by more}; NaN if nothing was estimated.
+        {threshold px: % of the estimated pixels with ground truth that are off by more}; NaN if none were estimated.
     d1_all
         % of the pixels with ground truth that are missing, or off by more than 3 px *and* 5 % (KITTI's D1-all).
     truth_pixels
-        Number of pixels that the figures are based on.
+        Number of pixels with ground truth.
 
     Examples
     --------
@@ -40,7 +40,7 @@ class Evaluation:
     >>> figures = sl.evaluate([[10.0, 14.5, np.nan, 9.5]], [[10.0, 10.0, 10.0, 10.0]])  # px
     >>> figures.density  # share of the truth
     0.75
-    >>> figures.bad[2.0], round(figures.bad_measured[2.0], 1)  # %: missing counts as wrong, and does not
+    >>> figures.bad[2.0], round(figures.bad_measured[2.0], 1)  # %: only the first counts missing pixels
     (50.0, 33.3)
     """
 
@@ -95,15 +95,16 @@ def evaluate(
         raise ValueError(f"thresholds holds {wrong_thresholds}; every threshold must be above 0 px.")
     judged = judged_pixels(disparity, ground_truth, mask)
     measured = judged & np.isfinite(disparity)
-    everywhere = bool(measured.all())  # then a copy of both is spared
+    everywhere = bool(measured.all())  # spares a copy of both
     estimate, truth = (
-        np.asarray(one).ravel() if everywhere else np.asarray(one)[measured] for one in (disparity, ground_truth)
+        np.asarray(values).ravel() if everywhere else np.asarray(values)[measured]
+        for values in (disparity, ground_truth)
     )
     error = np.subtract(estimate, truth, dtype=np.float64)
     np.abs(error, out=error)
-    pixels, wide = int(np.count_nonzero(judged)), error > 3
-    missing = pixels - error.size
-    outliers = int(np.count_nonzero(error[wide] > 0.05 * np.abs(truth[wide].astype(np.float64))))
+    pixels = int(np.count_nonzero(judged))
+    missing, large = pixels - error.size, error > 3
+    outliers = int(np.count_nonzero(error[large] > 0.05 * np.abs(truth[large].astype(np.float64))))
 
     def percent(count: int, of: int) -> float:
         return 100 * count / of if of else float("nan")
@@ -144,8 +145,8 @@ def judged_pixels(
     return judged
 
 
-MOST_POINTS = 200
-"""Largest number of points of a curve; more would look the same."""
+MAX_CURVE_POINTS = 200
+"""Largest number of points of a curve; more would not be visible."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,34 +207,37 @@ def error_against_coverage(
         raise ValueError(f"score has shape {np.shape(score)} and disparity {np.shape(disparity)}; both must be (H, W).")
     judged = judged_pixels(disparity, ground_truth, mask)
     total = int(np.count_nonzero(judged))
-    estimate, truth, sureness = (np.asarray(one, dtype=np.float64) for one in (disparity, ground_truth, score))
+    estimate, truth, scores = (np.asarray(values, dtype=np.float64) for values in (disparity, ground_truth, score))
     measured = judged & np.isfinite(estimate)
-    error, sureness = np.abs(estimate - truth)[measured], sureness[measured]
+    error, scores = np.abs(estimate - truth)[measured], scores[measured]
     # Pixels without a score, such as filled ones, come after all others.
-    order = np.argsort(np.where(np.isnan(sureness), np.inf, -sureness), kind="stable")
-    kept = _counts(sureness[order])
+    order = np.argsort(np.where(np.isnan(scores), np.inf, -scores), kind="stable")
+    kept = _counts(scores[order])
     return CoverageCurve(
         coverage=kept / total,
         bad=100 * np.cumsum(error[order] > threshold)[kept - 1] / kept,
     )
 
 
-def _counts(falling: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
-    """Return how many pixels to keep at each point of the curve, never splitting pixels of equal score."""
-    if not falling.size:
+def _counts(scores: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
+    """Return the numbers of pixels to keep, one per point of the curve, never splitting pixels of equal score.
+
+    The scores are in descending order.
+    """
+    if not scores.size:
         return np.empty(0, dtype=np.intp)
-    differs = (falling[1:] != falling[:-1]) & ~(np.isnan(falling[1:]) & np.isnan(falling[:-1]))
-    ends = np.append(np.flatnonzero(differs) + 1, falling.size)
-    wanted = np.linspace(falling.size / MOST_POINTS, falling.size, MOST_POINTS)
+    differs = (scores[1:] != scores[:-1]) & ~(np.isnan(scores[1:]) & np.isnan(scores[:-1]))
+    ends = np.append(np.flatnonzero(differs) + 1, scores.size)
+    wanted = np.linspace(scores.size / MAX_CURVE_POINTS, scores.size, MAX_CURVE_POINTS)
     return np.unique(ends[np.searchsorted(ends, wanted)])
 
 
-CONSENSUS_PX = 1.0
+MAX_AGREEING_SPREAD_PX = 1.0
 """Largest spread of the disparities of maps that agree, px."""
 
 
 def consensus(maps: Sequence[FloatMap]) -> npt.NDArray[np.uint8]:
-    """Return how many of the maps agree at each pixel.
+    """Return the number of maps that agree at each pixel.
 
     Parameters
     ----------
@@ -250,23 +254,25 @@ def consensus(maps: Sequence[FloatMap]) -> npt.NDArray[np.uint8]:
     ValueError
         No maps, or maps of different size.
     """
-    sizes = {one.shape for one in maps}
+    sizes = {disparity.shape for disparity in maps}
     if len(sizes) != 1:
         raise ValueError(f"maps have the sizes {sorted(sizes)}; allowed are one or more maps of the same size.")
     ordered = np.sort(np.stack(maps), axis=0)  # NaN goes last
     agreeing: npt.NDArray[np.uint8] = np.isfinite(ordered[0]).astype(np.uint8)
     for size in range(2, len(maps) + 1):
         span = ordered[size - 1 :] - ordered[: len(maps) - size + 1]
-        agreeing[(span <= CONSENSUS_PX).any(axis=0)] = size
+        agreeing[(span <= MAX_AGREEING_SPREAD_PX).any(axis=0)] = size
     return agreeing
 
 
-PATCH = 7
+PATCH_PX = 7
 """Side of the patches that are compared if a method gives no score, px."""
-FLAT = 1e-5
-"""A patch whose variance is below this share of the image's cannot be correlated."""
-_BAND_PIXELS = 2**20
-"""Patches are compared in bands of rows, since whole intermediate maps take a lot of memory."""
+
+MIN_VARIANCE_SHARE = 1e-5
+"""A patch cannot be correlated if its variance is below this share of the image's."""
+
+BAND_PIXELS = 2**20
+"""Pixels in a band of rows whose patches are compared at a time: whole intermediate maps take a lot of memory."""
 
 
 def confidence(result: DisparityMap, left: npt.ArrayLike, right: npt.ArrayLike) -> FloatMap:
@@ -277,10 +283,10 @@ def confidence(result: DisparityMap, left: npt.ArrayLike, right: npt.ArrayLike) 
     result
         If its scores are within -1..1 (ZNCC, NCC, phase: similarity of the windows; semi-global: 1 minus the cost of
         the paths as a share of the highest), they are the confidence, with those below 0 as 0. For a method without
-        scores (StereoBM, StereoSGBM), or with others (the plain correlation), it is the ZNCC of the 7 × 7 px around the
-        pixel with those around its match in the right image, 0 for flat ones.
+        scores (StereoBM, StereoSGBM), or with unbounded ones (plain correlation), it is the ZNCC of the 7 × 7 px around
+        the pixel and around its match in the right image, 0 for flat patches.
     left, right
-        The pair from which it was made.
+        The pair of the map.
 
     Raises
     ------
@@ -291,48 +297,47 @@ def confidence(result: DisparityMap, left: npt.ArrayLike, right: npt.ArrayLike) 
     if shape != result.disparity.shape:
         raise ValueError(f"left is {shape} and the map {result.disparity.shape}; they must be of one size.")
     measured = np.asarray(result.reason == np.uint8(Reason.MEASURED)) & result.valid
-    sure = result.score if has_scores(result) else _likeness(result, left, right)
-    known = measured & np.isfinite(sure)
-    return np.where(known, np.clip(sure, 0, 1), np.float32(np.nan)).astype(np.float32)
+    score = result.score if has_scores(result) else _zncc_of_matches(result, left, right)
+    known = measured & np.isfinite(score)
+    return np.where(known, np.clip(score, 0, 1), np.float32(np.nan)).astype(np.float32)
 
 
 def has_scores(result: DisparityMap) -> bool:
-    """Return whether a map has scores, all within -1..1."""
+    """Return whether a map has scores, and all are within -1..1."""
     lowest, highest = np.fmin.reduce(result.score, axis=None), np.fmax.reduce(result.score, axis=None)
     return bool(lowest >= -1.001 and highest <= 1.001)
 
 
-def _likeness(result: DisparityMap, left: npt.ArrayLike, right: npt.ArrayLike) -> FloatMap:
+def _zncc_of_matches(result: DisparityMap, left: npt.ArrayLike, right: npt.ArrayLike) -> FloatMap:
     """Return the (H, W) ZNCC of the patches around each pixel and around its match; 0 where either is flat."""
     first, second = (as_grey(image).astype(np.float32) for image in as_stereo_pair(left, right))
     height, width = first.shape
     mean, variance = float(first.mean()), float(first.var())
-    step, margin = max(1, _BAND_PIXELS // width), PATCH // 2
-    found = np.empty_like(first)
+    step, margin = max(1, BAND_PIXELS // width), PATCH_PX // 2
+    zncc = np.empty_like(first)
     for start in range(0, height, step):
         end = min(start + step, height)
         band = slice(max(0, start - margin), min(height, end + margin))
         rows, cols = np.mgrid[band, 0:width].astype(np.float32)
         rows += np.nan_to_num(result.dy[band])
         cols += np.nan_to_num(result.dx[band])
-        there = np.asarray(cv2.remap(second, cols, rows, cv2.INTER_LINEAR))
+        matched = np.asarray(cv2.remap(second, cols, rows, cv2.INTER_LINEAR))
         inner = slice(start - band.start, end - band.start)
-        found[start:end] = _patch_correlation(first[band] - mean, there - mean, variance)[inner]
-    return found
+        zncc[start:end] = _patch_zncc(first[band] - mean, matched - mean, variance)[inner]
+    return zncc
 
 
-def _patch_correlation(first: FloatMap, second: FloatMap, variance: float) -> FloatMap:
-    """Return the ZNCC of the patches of two images of one size; 0 where either varies by only a trace of `variance`."""
+def _patch_zncc(first: FloatMap, second: FloatMap, variance: float) -> FloatMap:
+    """Return the ZNCC of the patches of two images of one size; 0 where they are flat relative to `variance`."""
 
     def blurred(image: FloatMap) -> FloatMap:
-        return np.asarray(cv2.blur(image, (PATCH, PATCH)))
+        return np.asarray(cv2.blur(image, (PATCH_PX, PATCH_PX)))
 
     means = blurred(first), blurred(second)
     covariance = blurred(first * second) - means[0] * means[1]
     variances = [
-        np.maximum(blurred(image * image) - average * average, 0)
-        for image, average in zip((first, second), means, strict=True)
+        np.maximum(blurred(image * image) - mean * mean, 0) for image, mean in zip((first, second), means, strict=True)
     ]
     norm = np.sqrt(variances[0] * variances[1])
-    textured = norm > FLAT * variance + np.finfo(np.float32).tiny
+    textured = norm > MIN_VARIANCE_SHARE * variance + np.finfo(np.float32).tiny
     return np.asarray(np.divide(covariance, norm, where=textured, out=np.zeros_like(norm)))

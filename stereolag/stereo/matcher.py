@@ -25,7 +25,7 @@ from stereolag.loops.memory import keep_freed_memory
 
 
 class Reason(IntEnum):
-    """Reason why a pixel is blank, or how it got its disparity.
+    """The reason why a pixel is blank, or the origin of its disparity.
 
     Examples
     --------
@@ -48,8 +48,11 @@ class Reason(IntEnum):
     AT_SEARCH_EDGE = 7
 
 
-FARTHEST_FIRST, LARGEST_COUNT = 512, 1024
-"""Limits shared by all methods: the first disparity, in either direction, and the number of disparities."""
+MAX_ABS_MIN_DISPARITY = 512
+"""Largest magnitude of the first disparity in all methods, px."""
+
+MAX_NUM_DISPARITIES = 1024
+"""Largest number of disparities in all methods."""
 
 NumDisparities = Annotated[
     int,
@@ -60,7 +63,7 @@ NumDisparities = Annotated[
         title="Disparities searched",
         description="How many disparities are tried, px (OpenCV's numDisparities).",
         ge=1,
-        le=LARGEST_COUNT,
+        le=MAX_NUM_DISPARITIES,
         json_schema_extra={"step": 16},
     ),
 ]
@@ -72,8 +75,8 @@ MinDisparity = Annotated[
     Field(
         title="Smallest disparity",
         description="The first disparity tried, px (OpenCV's minDisparity).",
-        ge=-FARTHEST_FIRST,
-        le=FARTHEST_FIRST,
+        ge=-MAX_ABS_MIN_DISPARITY,
+        le=MAX_ABS_MIN_DISPARITY,
     ),
 ]
 
@@ -103,7 +106,7 @@ class StereoMatcher(Settings):
     short_name: ClassVar[str] = ""
     """Name in an address; defaults to the class name in lower case."""
     first_shown: ClassVar[tuple[str, ...]] = ()
-    """Settings that most visitors want; all others are folded away below them. If empty, all are shown."""
+    """Settings that most users need; all others are folded away below them. If empty, all are shown."""
     gives_reasons: ClassVar[bool] = True
     """Whether the reasons in its maps say why a pixel is blank."""
     is_compiled: ClassVar[bool] = False
@@ -111,7 +114,7 @@ class StereoMatcher(Settings):
 
     @classmethod
     def other_name(cls, name: str) -> str:
-        """Return the name a setting has elsewhere, shown beside its title, or "" if it has none."""
+        """Return the name of a setting in other programs, shown beside its title; "" if it has none."""
         return ""
 
     @classmethod
@@ -127,8 +130,8 @@ class StereoMatcher(Settings):
         Parameters
         ----------
         left, right
-            (H, W), (H, W, 3) or (H, W, 4) images of one size and type: uint8, uint16 or float. Where alpha is 0, or a
-            border is black, as rectification leaves it, nothing is measured.
+            (H, W), (H, W, 3) or (H, W, 4) images of one size and type: uint8, uint16 or float. Nothing is measured
+            where alpha is 0, or in a black border as left by rectification.
         progress
             Called with the fraction done, 0..1.
 
@@ -152,8 +155,8 @@ class StereoMatcher(Settings):
         start = time.perf_counter()
         left_image, right_image = with_border_transparent(left_image), with_border_transparent(right_image)
         images = in_eight_bits(left_image, right_image)
-        stages_after = "stereolag.stereo.compiling", self, images[0].shape, images[0].dtype.str
-        with compiling_beside(*stages_after) if self.is_compiled else nullcontext():
+        later_stages = "stereolag.stereo.compiling", self, images[0].shape, images[0].dtype.str
+        with compiling_beside(*later_stages) if self.is_compiled else nullcontext():
             found = self.match(*images, progress or silent)
         found = without_outside(found, left_image)
         return DisparityMap(*found, elapsed_s=time.perf_counter() - start, settings=self)
@@ -193,29 +196,29 @@ class StereoMatcher(Settings):
         if self.search_range() is None:
             return self
         multiple = multiple_of(type(self).model_fields["num_disparities"])
-        first = min(max(min_disparity, -FARTHEST_FIRST), FARTHEST_FIRST)
-        count = min(-(-num_disparities // multiple) * multiple, LARGEST_COUNT)
+        first = min(max(min_disparity, -MAX_ABS_MIN_DISPARITY), MAX_ABS_MIN_DISPARITY)
+        count = min(-(-num_disparities // multiple) * multiple, MAX_NUM_DISPARITIES)
         return changed(self, {"min_disparity": first, "num_disparities": count})
 
 
 def without_outside(found: PixelMatches, left: Image, right: Image | None = None) -> PixelMatches:
-    """Return matches without those of pixels that no camera took (alpha 0) or, with `right`, that lead to such."""
-    outside, beyond = transparent(left), None if right is None else transparent(right)
-    if beyond is not None:
-        rows, cols = np.ogrid[: beyond.shape[0], : beyond.shape[1]]
-        moved = np.rint(np.nan_to_num(cols - found.disparity)).astype(int).clip(0, beyond.shape[1] - 1)
+    """Return matches without those of transparent pixels (alpha 0) or, with `right`, with transparent pixels of it."""
+    outside, right_outside = transparent(left), None if right is None else transparent(right)
+    if right_outside is not None:
+        rows, cols = np.ogrid[: right_outside.shape[0], : right_outside.shape[1]]
+        right_cols = np.rint(np.nan_to_num(cols - found.disparity)).astype(int).clip(0, right_outside.shape[1] - 1)
         if found.dy is not None:
-            rows = np.rint(np.nan_to_num(rows + found.dy)).astype(int).clip(0, beyond.shape[0] - 1)
-        leads_out = beyond[rows, moved] & np.isfinite(found.disparity)
+            rows = np.rint(np.nan_to_num(rows + found.dy)).astype(int).clip(0, right_outside.shape[0] - 1)
+        leads_out = right_outside[rows, right_cols] & np.isfinite(found.disparity)
         outside = leads_out if outside is None else outside | leads_out
     if outside is None:
         return found
-    nothing = np.float32(np.nan)
+    nan = np.float32(np.nan)
     return PixelMatches(
-        np.where(outside, nothing, found.disparity),
+        np.where(outside, nan, found.disparity),
         np.where(outside, np.uint8(Reason.OUT_OF_FRAME), found.reason),
-        None if found.score is None else np.where(outside, nothing, found.score),
-        None if found.dy is None else np.where(outside, nothing, found.dy),
+        None if found.score is None else np.where(outside, nan, found.score),
+        None if found.dy is None else np.where(outside, nan, found.dy),
     )
 
 
@@ -324,11 +327,11 @@ class DisparityMap(Shown):
         return int(np.count_nonzero(self.measured)) / self.reason.size
 
     def without_scores(self) -> DisparityMap:
-        """Return the map without its scores, for one that is only shown: a third less memory."""
+        """Return the map without its scores, which is enough to show it and takes a third less memory."""
         return replace(self, _score=None)
 
     def turned(self, quarters: int) -> DisparityMap:
-        """Return the map turned by quarters of a turn, counter-clockwise as seen: its disparities run along columns."""
+        """Return the map rotated counter-clockwise by quarters of a turn; its disparities are then along columns."""
         if quarters % 4 == 0:
             return self
         score = None if self._score is None else np.rot90(self._score, quarters).copy()
@@ -336,16 +339,16 @@ class DisparityMap(Shown):
         return DisparityMap(disparity, reason, score, None, self.elapsed_s, self.settings)
 
     def enlarged(self, rows: int, cols: int, settings: StereoMatcher) -> DisparityMap:
-        """Return the map of a downscaled pair for images of (rows, cols), the pair's own size, in px of that size.
+        """Return the map of a downscaled pair enlarged to the pair's full size, in px of that size.
 
         Every pixel has the disparity of the nearest one. Nothing is interpolated, since the mean of a near and a far
-        disparity belongs to neither surface. This makes the measurement no more exact: an error of 1 px in the smaller
-        images is one of `cols` / width px here.
+        disparity belongs to neither surface. Enlarging adds no precision: an error of 1 px in the smaller images
+        becomes one of `cols` / width px.
 
         Parameters
         ----------
         rows, cols
-            The size of the pair.
+            The full size of the pair.
         settings
             The settings of this map for images of that size (:func:`stereolag.core.settings.scaled_settings`).
 

@@ -14,7 +14,7 @@ from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 
 METHODS: list[type[StereoMatcher]] = [CorrelationMatcher, StereoBM, StereoSGBM, SemiGlobalMatcher]
-"""Every method, in the order the page offers them; an address that names none means the first."""
+"""All methods, in the order of the page; an address without a method means the first."""
 
 PresetName = Literal["report", "fast", "accurate"]
 

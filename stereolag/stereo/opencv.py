@@ -69,17 +69,17 @@ LeftRightTolerance = Annotated[
 
 
 SUBPIXEL = 16
-"""OpenCV's disparities are integers in units of 1/16 px."""
+"""Units of OpenCV's integer disparities in one px."""
 
 NO_LIMIT = 1 << 20
-"""Larger than any difference of two disparities, px."""
+"""Tolerance larger than any difference of two disparities, px."""
 
 
 class BlockMatcher(StereoMatcher):
     """Base class of both OpenCV matchers: search range, checks, and conversion of the result."""
 
     cost_row: ClassVar[str]
-    """Row of the cost table; a class derived from a matcher costs what that one does."""
+    """Row of the cost table; classes derived from a matcher share its row."""
 
     num_disparities: Annotated[int, Pixels(rounded_up=True), OfThePair(), SliderRange(high=256)] = Field(
         default=64,
@@ -137,7 +137,7 @@ class BlockMatcher(StereoMatcher):
         progress(1.0)
         # The invalid code is (minDisparity - 1) * 16, which is positive for minDisparity >= 2.
         valid = raw > (self.min_disparity - 1) * SUBPIXEL
-        reason = np.where(self._seen_by_both(*raw.shape), Reason.AMBIGUOUS, Reason.OUT_OF_FRAME).astype(np.uint8)
+        reason = np.where(self._matchable(*raw.shape), Reason.AMBIGUOUS, Reason.OUT_OF_FRAME).astype(np.uint8)
         reason[valid] = Reason.MEASURED
         return PixelMatches(np.where(valid, raw.astype(np.float32) / SUBPIXEL, np.float32(np.nan)), reason)
 
@@ -153,15 +153,15 @@ class BlockMatcher(StereoMatcher):
                 f"of {self.block_size} px need images wider than {reach + self.block_size} px; these have {cols}."
             )
 
-    def _seen_by_both(self, rows: int, cols: int) -> npt.NDArray[np.bool_]:
-        """Return where OpenCV can match: far enough from the borders for the block and the whole search."""
+    def _matchable(self, rows: int, cols: int) -> npt.NDArray[np.bool_]:
+        """Return the mask of pixels far enough from the borders for the block and the whole search."""
         frame = (0, 0, cols, rows)
         x, y, width, height = cv2.getValidDisparityROI(
             frame, frame, self.min_disparity, self.num_disparities, self.block_size
         )
-        seen = np.zeros((rows, cols), dtype=np.bool_)
-        seen[y : y + height, x : x + width] = True
-        return seen
+        matchable = np.zeros((rows, cols), dtype=np.bool_)
+        matchable[y : y + height, x : x + width] = True
+        return matchable
 
     @abstractmethod
     def opencv_matcher(self) -> Any:
@@ -214,8 +214,8 @@ class StereoBM(BlockMatcher):
         """Return a ``cv2.StereoBM`` with these settings."""
         matcher = cv2.StereoBM.create()
         for name in StereoBM.model_fields:
-            title = self.other_name(name)
-            getattr(matcher, f"set{title[0].upper()}{title[1:]}")(getattr(self, name))
+            opencv_name = self.other_name(name)
+            getattr(matcher, f"set{opencv_name[0].upper()}{opencv_name[1:]}")(getattr(self, name))
         return matcher
 
 
@@ -225,7 +225,7 @@ Mode = Literal["sgbm", "hh", "sgbm_3way", "hh4"]
 class StereoSGBM(BlockMatcher):
     """OpenCV's ``StereoSGBM``: semi-global matching (Hirschmüller 2008) over Birchfield-Tomasi costs.
 
-    It gets grey images here, like all the methods it is compared with; OpenCV's own also accepts colour.
+    It gets grey images here, like all methods it is compared with; OpenCV also accepts colour.
 
     Examples
     --------
@@ -294,7 +294,7 @@ class StereoSGBM(BlockMatcher):
     def opencv_arguments(self) -> dict[str, Any]:
         """Return the arguments of ``cv2.StereoSGBM.create``, under OpenCV's names."""
         arguments = {self.other_name(name): value for name, value in self}
-        # OpenCV treats a negative limit as 1 here; only a limit beyond all disparities switches the check off.
+        # OpenCV takes a negative limit as 1 here; only a limit above any disparity switches the check off.
         arguments["disp12MaxDiff"] = self.disp12_max_diff if self.disp12_max_diff >= 0 else NO_LIMIT
         return arguments | {"mode": getattr(cv2, self.opencv_mode)}
 

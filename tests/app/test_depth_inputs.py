@@ -96,7 +96,7 @@ def test_both_views_in_the_left_image_need_no_right_one() -> None:
     straight = straight_and_raw.straight_pair()
     app = uploaded(own_files(inputs), "pairs", **pngs(left=np.concatenate(straight, axis=0)))
     np.testing.assert_array_equal(shown(app).right, straight[1])
-    assert "split into upper and lower half" in captions(app)
+    assert "split into its upper and lower halves" in captions(app)
 
 
 STRAIGHT, UNDO = straight_and_raw.straight_pair(), "pairs.rectifying.undo"

@@ -230,7 +230,7 @@ def match_of(kind: MatchKind) -> MatchExplanation:
         runner_up_score=0.89 if kind is MatchKind.REPEATS else 0.5,
         valley=0.0,
         flank_score=0.89 if kind is MatchKind.SMOOTH else 0.6,
-        as_good=0.027,
+        score_tolerance=0.027,
         contrast=0.05 if kind is MatchKind.BARE else 0.8,
         at_edge=kind is MatchKind.AT_EDGE,
     )

@@ -22,7 +22,7 @@ from stereolag.assess import orientation
 from stereolag.assess.diagnosis import Diagnosis, apply_remedy, diagnose, judge_range
 from stereolag.assess.features import Correspondences, mutual_matches
 from stereolag.assess.findings import FindingCode, Remedy
-from stereolag.assess.layout import Layout, likely_layout, turned_alone
+from stereolag.assess.layout import Layout, likely_layout, pure_rotation_deg
 from stereolag.assess.orientation import RowEvidence, best_rectification, find_correspondences, robust_fit
 from stereolag.assess.uncalibrated import fit_rectification
 from stereolag.geometry.rectification import scaled_disparity, scaled_image
@@ -444,7 +444,7 @@ def test_a_plane_and_a_scene_of_many_depths_are_not_seen_by_a_camera_that_only_t
     first, *others = (
         through_barrel(one, SHAPE, lens) for one in (left, turned, wall, moved(right, turning(SHAPE, (0, 0.05, 0))))
     )
-    seen = [turned_alone(matched(first + noise[0], other + noise[1])) for other in others]
+    seen = [pure_rotation_deg(matched(first + noise[0], other + noise[1])) for other in others]
     assert seen == [pytest.approx(np.degrees(np.hypot(0.01, 0.05)), abs=0.2), 0, 0]
 
 

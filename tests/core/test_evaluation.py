@@ -12,7 +12,7 @@ from hypothesis.extra import numpy as arrays
 from pairs import shifted_pair
 
 import stereolag as sl
-from stereolag.stereo.evaluation import MOST_POINTS, confidence, consensus, error_against_coverage, evaluate
+from stereolag.stereo.evaluation import MAX_CURVE_POINTS, confidence, consensus, error_against_coverage, evaluate
 from stereolag.stereo.matcher import StereoMatcher
 
 NAN = float("nan")
@@ -53,7 +53,7 @@ def test_a_score_that_knows_gives_up_the_worst_first_in_a_curve_of_few_points() 
     error = np.random.default_rng(1).exponential(2.0, TRUTH.shape)
     curve = error_against_coverage(TRUTH + error, TRUTH, -error)
     assert np.all(np.diff(curve.bad) >= 0) and curve.bad[0] == 0
-    assert curve.coverage.size <= MOST_POINTS
+    assert curve.coverage.size <= MAX_CURVE_POINTS
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,7 @@ def test_the_flank_of_a_broad_peak_is_no_runner_up(search: SearchArea) -> None:
     )
     assert seen.kind in (MatchKind.CLEAR, MatchKind.SMOOTH)
     if seen.runner_up:
-        assert seen.valley < seen.runner_up_score - seen.as_good
+        assert seen.valley < seen.runner_up_score - seen.score_tolerance
         assert max(abs(np.subtract(seen.runner_up, seen.peak))) > 4
 
 

@@ -83,7 +83,7 @@ def test_lags_tried_in_strips_answer_as_all_at_once(most, monkeypatch):
     second[20:30] = first[20:30]  # a part that has not moved
     first[40:50], second[40:50] = 9, 9
     whole = match_level(first, second, None, 7, 8)
-    monkeypatch.setattr("stereolag.motion.candidates.MOST_LAGS", most)
+    monkeypatch.setattr("stereolag.motion.candidates.MAX_LAGS", most)
     for one, other in zip(match_level(first, second, None, 7, 8), whole, strict=True):
         np.testing.assert_allclose(one, other, atol=2e-6)
 

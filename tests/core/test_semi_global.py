@@ -18,10 +18,10 @@ from stereolag.stereo.finishing.stages import AmbiguityTest, LeftRightCheck
 from stereolag.stereo.matcher import Reason
 from stereolag.stereo.semi_global import matcher as semi_global
 from stereolag.stereo.semi_global.cost import (
-    MOST,
+    MAX_COST,
     NOT_TRIED,
+    OUT_OF_FRAME_SHARE,
     TERMS,
-    UNSEEN,
     MatchingCost,
     TermWeight,
     census,
@@ -78,13 +78,15 @@ def test_the_mean_error_between_the_lags_is_small_and_the_same_in_the_mirror(fra
 def test_strips_cover_every_row_once_within_the_memory(height: int) -> None:
     pieces = list(strips(height, 4 * 2**20))
     assert [row for first, end in pieces for row in range(first, end)] == list(range(height))
-    assert all(end - first + 2 * semi_global.OVERLAP <= semi_global.MOST_BYTES / 2**22 for first, end in pieces[1:])
+    assert all(
+        end - first + 2 * semi_global.OVERLAP <= semi_global.MAX_VOLUME_BYTES / 2**22 for first, end in pieces[1:]
+    )
 
 
 def test_strips_give_nearly_what_the_whole_gives_and_progress_only_grows(monkeypatch: pytest.MonkeyPatch) -> None:
     left, right = pair(120, 100, 5.3)
     whole, fine, _ = matched(left, right)
-    monkeypatch.setattr(semi_global, "MOST_BYTES", 100 * 16 * 3 * 80)
+    monkeypatch.setattr(semi_global, "MAX_VOLUME_BYTES", 100 * 16 * 3 * 80)
     assert len(list(strips(120, 100 * 16 * 3))) > 2
     parts, fine_parts, _ = matched(left, right)
     assert (parts == whole).mean() > 0.99
@@ -150,7 +152,7 @@ def test_the_cost_is_that_of_the_formula(
     found = matching_cost(
         left, right, window_size=2 * radius + 1, min_disparity=first, num_disparities=count, settings=cost
     )
-    expected = cost_reference(left, right, radius, first, count, int(UNSEEN * cost.highest), cost)
+    expected = cost_reference(left, right, radius, first, count, int(OUT_OF_FRAME_SHARE * cost.highest), cost)
     assert np.abs(found[:, :, :count] - expected).max() < 0.51
     assert (found[:, :, count:] == NOT_TRIED).all()
 
@@ -175,7 +177,7 @@ def test_weights_that_are_all_nothing_or_more_than_eight_bits_hold_and_penalties
     class WithOneMore(MatchingCost):
         brightness: Annotated[int, TermWeight()] = Field(default=0, ge=0, le=50)
 
-    assert WithOneMore(brightness=10).highest == MOST
+    assert WithOneMore(brightness=10).highest == MAX_COST
     with pytest.raises(SettingsError, match="and brightness add up to 251; allowed are 1 to 250 together"):
         WithOneMore(brightness=11)
 
@@ -222,7 +224,7 @@ def test_the_sums_do_not_depend_on_how_often_progress_is_told(monkeypatch: pytes
     costs = np.random.default_rng(0).integers(0, 251, (7, 9, 16), dtype=np.uint8)
     guide = noise((7, 9))
     whole = optimise(costs, guide, SemiGlobal())
-    monkeypatch.setattr("stereolag.stereo.semi_global.optimisation.CELLS_AT_ONCE", 3 * 9 * 16)
+    monkeypatch.setattr("stereolag.stereo.semi_global.optimisation.CELLS_PER_REPORT", 3 * 9 * 16)
     told: list[float] = []
     np.testing.assert_array_equal(optimise(costs, guide, SemiGlobal(), told.append), whole)
     assert told == [1 / 7, 3 / 7, 5 / 7, 1.0]

@@ -401,7 +401,7 @@ def test_a_short_time_is_spent_on_strips_but_whole_images_decide() -> None:
         assert found.bad == pytest.approx(pair.judge(found.matcher).bad)
     late = suggestion.suggest_for_all(WINDOWS, [pair], budget_s=1e-6)
     assert (late.outcome, late.finished) == (suggestion.Outcome.BETTER, False)
-    assert [trial.whole for trial in late.trials] == [False] * suggestion.LIKELIEST + [True]
+    assert [trial.whole for trial in late.trials] == [False] * suggestion.MIN_TRIALS + [True]
 
 
 def test_strips_are_not_lower_than_the_window_to_begin_with() -> None:

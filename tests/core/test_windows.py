@@ -106,7 +106,7 @@ def test_a_faint_picture_beside_a_bright_one_loses_nothing():
 @pytest.mark.parametrize("columns_in_cache", [1, 20_000])
 def test_tiles_and_bands_leave_no_seam(rng, monkeypatch, columns_in_cache):
     monkeypatch.setattr("stereolag.stereo.windows.engines.CACHE_BYTES", columns_in_cache)
-    monkeypatch.setattr("stereolag.stereo.windows.engines.BAND_WORK", 1.0)
+    monkeypatch.setattr("stereolag.stereo.windows.engines.BAND_CELLS", 1.0)
     left, right = picture(rng, (24, 90), np.uint8), picture(rng, (24, 90), np.uint8)
     assert_equals_reference(WindowQuery(left, right, 6, 1, LagRange(-1, 1, -20, 13), "zncc"))
 
@@ -261,7 +261,7 @@ def test_a_search_of_more_lags_than_window_sums_allow_is_the_ffts(monkeypatch: p
     left, right = shifted_pair(60, 90, 2, -3)
     query = WindowQuery(left, right, 16, 8, LagRange(-9, 9, -20, 20), runner_up=True)
     few = find_matches(query, "fft")
-    monkeypatch.setattr("stereolag.stereo.windows.engines.MOST_LAGS", 100)
+    monkeypatch.setattr("stereolag.stereo.windows.engines.MAX_LAGS", 100)
     many = find_matches(query, "fft")
     for name in ("dy", "dx", "score", "around"):
         np.testing.assert_array_equal(getattr(many, name), getattr(few, name), err_msg=name)

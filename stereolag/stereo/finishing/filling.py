@@ -13,23 +13,32 @@ from stereolag.loops.memory import fill
 from stereolag.loops.vector_lanes import item
 from stereolag.stereo.matcher import Reason
 
-INWARD, BESIDE = 6, 3
-"""Extent of the surface at an end of a gap: columns away from the gap, and rows up and down, px."""
+END_COLS = 6
+"""Columns, away from the gap, of the surface at an end of a gap."""
 
-WIDE = 4
-"""Gaps narrower than this, px, use their end pixels alone: they are many, and a mean gains nothing."""
+END_ROWS = 3
+"""Rows of that surface, both up and down."""
 
-SAME_SURFACE = 4.0
-"""Largest difference between a pixel of that surface and the end of the gap, px of disparity."""
+MIN_AVERAGED_GAP_PX = 4
+"""Width from which the surface at an end is averaged, px. Narrower gaps use their end pixels alone: they are many, and
+a mean gains nothing."""
 
-SLANT_COLS, SLANT_ROWS = 24, 12
-"""Extent of the surface that is continued to the left edge: columns to the right, and rows up and down, px."""
+MAX_SURFACE_STEP_PX = 4.0
+"""Largest difference between a pixel of a surface and the end of the gap, px of disparity."""
 
-STEEPEST = 0.1
-"""Steepest slant of that surface, px of disparity per column."""
+SLANT_COLS = 24
+"""Columns, to the right of the gap, of the surface that is continued to the left edge."""
 
-COVERED = 0.85
-"""Share of that surface that must be measured to continue its slant; the slant of a ragged one is misleading."""
+SLANT_ROWS = 12
+"""Rows of that surface, both up and down."""
+
+MAX_SLANT = 0.1
+"""Largest slant of that surface, px of disparity per column."""
+
+MIN_SLANT_COVERAGE = 0.85
+"""Share of that surface that must be measured to continue its slant; the slant of a ragged surface is misleading."""
+
+FILLED = np.uint8(Reason.FILLED)
 
 
 def filled_from_ends(disparity: FloatMap, reason: ReasonMap) -> tuple[FloatMap, ReasonMap]:
@@ -49,15 +58,12 @@ def filled_from_ends(disparity: FloatMap, reason: ReasonMap) -> tuple[FloatMap, 
     out, reasons = np.empty_like(disparity), np.empty_like(reason)
     farthest = np.fmin.reduce(disparity, axis=None)
 
-    def fill(first: int, end: int) -> None:
+    def fill_rows(first: int, end: int) -> None:
         out[first:end], reasons[first:end] = disparity[first:end], reason[first:end]
         fill_between_ends(disparity, farthest, first, end, out, reasons)
 
-    over_bands(fill, len(out))
+    over_bands(fill_rows, len(out))
     return out, reasons
-
-
-FILLED = np.uint8(Reason.FILLED)
 
 
 @compiled(counted=False)
@@ -73,14 +79,14 @@ def fill_between_ends(disparity: Array, farthest: Any, first: int, end: int, out
                 fill(reason[y, start:x], FILLED)
             if start < x and not (start == 0 and x == width):
                 value = np.float32(np.inf)
-                wide = x - start >= WIDE
+                averaged = x - start >= MIN_AVERAGED_GAP_PX
                 if start > 0:
-                    value = _surface(disparity, y, start - 1, -1) if wide else disparity[y, start - 1]
+                    value = _surface(disparity, y, start - 1, -1) if averaged else disparity[y, start - 1]
                 if x < width:
-                    value = min(value, _surface(disparity, y, x, 1) if wide else disparity[y, x])
+                    value = min(value, _surface(disparity, y, x, 1) if averaged else disparity[y, x])
                 slant = _slant(disparity, y, x, value) if start == 0 else np.float32(0)
                 # The mean of a surface is its value at its middle.
-                middle = np.float32(x + (INWARD - 1) / 2 if wide else x)
+                middle = np.float32(x + (END_COLS - 1) / 2 if averaged else x)
                 for gap in range(start, x):
                     out[y, gap] = max(value - slant * (middle - np.float32(gap)), farthest)
             start = x + 1
@@ -90,16 +96,16 @@ def fill_between_ends(disparity: Array, farthest: Any, first: int, end: int, out
 def _surface(disparity: Array, y: int, x: int, inward: int) -> np.float32:
     """Return the mean of the measurements near an end of a gap that are close to the end in disparity."""
     height, width = disparity.shape
-    left = x if inward > 0 else max(0, x - INWARD + 1)
-    right = min(width, x + INWARD) if inward > 0 else x + 1
+    left = x if inward > 0 else max(0, x - END_COLS + 1)
+    right = min(width, x + END_COLS) if inward > 0 else x + 1
     end = disparity[y, x]
     total, count = np.float32(0), np.float32(0)
-    for row in range(max(0, y - BESIDE), min(height, y + BESIDE + 1)):
+    for row in range(max(0, y - END_ROWS), min(height, y + END_ROWS + 1)):
         for place in range(row * width + left, row * width + right):
-            apart = item(disparity, place) - end
-            near = abs(apart) <= np.float32(SAME_SURFACE)  # false for NaN
-            total += apart if near else np.float32(0)
-            count += np.float32(1) if near else np.float32(0)
+            step = item(disparity, place) - end
+            belongs = abs(step) <= np.float32(MAX_SURFACE_STEP_PX)  # false for NaN
+            total += step if belongs else np.float32(0)
+            count += np.float32(1) if belongs else np.float32(0)
     return np.float32(end + total / count)
 
 
@@ -112,24 +118,24 @@ def _slant(disparity: Array, y: int, x: int, value: Any) -> np.float32:
     sx = sy = sz = sxx = sxy = syy = sxz = syz = n
     for row in range(top, bottom):
         v, begin = float(row - y), row * width + x
-        # Sums of a row: only the columns differ, and without branches they vectorise.
+        # The sums of a row depend on the columns only; without branches the loop vectorises.
         m = mu = muu = mz = muz = np.float32(0)
         for col in range(right - x):
-            apart, u = item(disparity, begin + col) - np.float32(value), np.float32(col)
-            near = abs(apart) <= np.float32(SAME_SURFACE)
-            w, z = np.float32(1) if near else np.float32(0), apart if near else np.float32(0)
+            step, u = item(disparity, begin + col) - np.float32(value), np.float32(col)
+            belongs = abs(step) <= np.float32(MAX_SURFACE_STEP_PX)
+            w, z = np.float32(1) if belongs else np.float32(0), step if belongs else np.float32(0)
             m, mu, muu, mz, muz = m + w, mu + w * u, muu + w * u * u, mz + z, muz + u * z
         n, sx, sy, sz = n + m, sx + mu, sy + v * m, sz + mz
         sxx, sxy, syy = sxx + muu, sxy + v * mu, syy + v * v * m
         sxz, syz = sxz + muz, syz + v * mz
-    if n < COVERED * (bottom - top) * SLANT_COLS:
+    if n < MIN_SLANT_COVERAGE * (bottom - top) * SLANT_COLS:
         return np.float32(0)
     cxx, cxy, cyy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n
     cxz, cyz = sxz - sx * sz / n, syz - sy * sz / n
     scale = cxx * cyy - cxy * cxy
     if scale <= 0:
         return np.float32(0)
-    return np.float32(min(max((cxz * cyy - cyz * cxy) / scale, -STEEPEST), STEEPEST))
+    return np.float32(min(max((cxz * cyy - cyz * cxy) / scale, -MAX_SLANT), MAX_SLANT))
 
 
 def fill_between_ends_reference(disparity: FloatMap) -> FloatMap:
@@ -137,30 +143,30 @@ def fill_between_ends_reference(disparity: FloatMap) -> FloatMap:
     out = disparity.copy()
 
     def surface(y: int, x: int, cols: slice) -> Any:
-        near = disparity[max(0, y - BESIDE) : y + BESIDE + 1, cols]
-        return near[np.abs(near - disparity[y, x]) <= SAME_SURFACE].mean(dtype=np.float64)
+        around = disparity[max(0, y - END_ROWS) : y + END_ROWS + 1, cols]
+        return around[np.abs(around - disparity[y, x]) <= MAX_SURFACE_STEP_PX].mean(dtype=np.float64)
 
     def slant(y: int, x: int, value: float) -> float:
         top = max(0, y - SLANT_ROWS)
-        apart = disparity[top : y + SLANT_ROWS + 1, x : x + SLANT_COLS] - value
-        rows, cols = np.nonzero(np.abs(apart) <= SAME_SURFACE)
-        if len(rows) < COVERED * len(apart) * SLANT_COLS:
+        steps = disparity[top : y + SLANT_ROWS + 1, x : x + SLANT_COLS] - value
+        rows, cols = np.nonzero(np.abs(steps) <= MAX_SURFACE_STEP_PX)
+        if len(rows) < MIN_SLANT_COVERAGE * len(steps) * SLANT_COLS:
             return 0.0
-        places = np.column_stack([cols, rows, np.ones(len(rows))])
-        return float(np.clip(np.linalg.lstsq(places, apart[rows, cols])[0][0], -STEEPEST, STEEPEST))
+        terms = np.column_stack([cols, rows, np.ones(len(rows))])
+        return float(np.clip(np.linalg.lstsq(terms, steps[rows, cols])[0][0], -MAX_SLANT, MAX_SLANT))
 
     width = disparity.shape[1]
     for y, row in enumerate(disparity):
         edges = np.flatnonzero(np.diff(np.isnan(row), prepend=False, append=False))
         for start, x in edges.reshape(-1, 2):
-            if x - start < WIDE:
+            if x - start < MIN_AVERAGED_GAP_PX:
                 ends = [row[place] for place in (start - 1, x) if 0 <= place < width]
             else:
-                ends = [surface(y, start - 1, slice(max(0, start - INWARD), start))] if start > 0 else []
-                ends += [surface(y, x, slice(x, x + INWARD))] if x < width else []
+                ends = [surface(y, start - 1, slice(max(0, start - END_COLS), start))] if start > 0 else []
+                ends += [surface(y, x, slice(x, x + END_COLS))] if x < width else []
             if ends:
-                away = np.arange(x - start, 0, -1) + (0 if x - start < WIDE else (INWARD - 1) / 2)
-                slanted = min(ends) - (slant(y, x, min(ends)) * away if start == 0 else 0)
+                distance = np.arange(x - start, 0, -1) + (0 if x - start < MIN_AVERAGED_GAP_PX else (END_COLS - 1) / 2)
+                slanted = min(ends) - (slant(y, x, min(ends)) * distance if start == 0 else 0)
                 out[y, start:x] = np.maximum(slanted, np.nanmin(disparity))
     return out
 
@@ -169,9 +175,9 @@ def filled_from_behind(disparity: FloatMap, reason: ReasonMap) -> tuple[FloatMap
     """Return the map with every gap filled.
 
     A gap takes the smaller disparity of its two ends along the row (`filled_from_ends`): areas hidden from one camera
-    belong to the farther surface, and the ground, which makes up most of the gaps in street scenes, has one depth along
-    a row. Filling from eight or sixteen directions was worse there. A row without any measurement repeats the nearest
-    row that has one.
+    belong to the farther surface, and the ground, to which most gaps in street scenes belong, has one depth along a
+    row. Filling from eight or sixteen directions was worse there. A row without any measurement repeats the nearest row
+    that has one.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Stages shared by the project's own matchers: matches checked, speckles removed, gaps filled, edges kept."""
+"""The stages shared by the project's own matchers: checks of the matches, speckle filter, filling and median."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from stereolag.stereo.matcher import PixelMatches, Reason, without_outside
 
 
 class LeftRightCheck(Settings):
-    """Left-right check: a match must be the same seen from the right image."""
+    """Left-right check: matching back from the right image must lead to the same pixel."""
 
     tolerance: int = Field(
         default=1,
@@ -50,7 +50,8 @@ class LeftRightCheck(Settings):
 class AmbiguityTest(Settings):
     """Ambiguity test: a match must clearly beat any other.
 
-    The scores of plain correlation are unbounded: any lead is small beside them, and the test rejects little.
+    The scores of plain correlation are unbounded: any lead allowed here is small relative to them, and little is
+    rejected.
     """
 
     lead: float = Field(
@@ -82,21 +83,21 @@ def least_texture(test: TextureTest | None, left: Image, right: Image) -> float:
 
 
 NO_MATCH = np.iinfo(np.int16).min
-"""Displacement or lag of a pixel of the right image that no pixel of the left one meets; it leads out of the frame."""
+"""Displacement or lag of a pixel of the right image without a match in the left one; it leads out of the frame."""
 
 
 def left_right_disagree(dx: npt.NDArray[Any], right_dx: npt.NDArray[Any], tolerance: int) -> Mask:
-    """Return where a left pixel's match, followed to the right image, does not lead back.
+    """Return the mask of left pixels whose match in the right image does not lead back to them.
 
     Parameters
     ----------
     dx
         (H, W) integer displacement of the match of each left pixel, right minus left, px.
     right_dx
-        (H, W) integer displacement, with the same sign, at which each right pixel was matched; a value that leads far
-        out of the frame means none.
+        (H, W) integer displacement, with the same sign, of the match of each right pixel; a value that leads far out of
+        the frame means none.
     tolerance
-        Largest difference that still agrees, px.
+        Largest difference at which both agree, px.
 
     Returns
     -------
@@ -119,8 +120,8 @@ def _disagreeing_rows(
             moved = np.int64(dx[y, x])
             place = x + moved
             inside = (place >= 0) & (place < width)
-            apart = moved - np.int64(right_dx[y, place if inside else 0])
-            disagree[y, x] = (not inside) | (abs(apart) > tolerance)
+            difference = moved - np.int64(right_dx[y, place if inside else 0])
+            disagree[y, x] = (not inside) | (abs(difference) > tolerance)
 
 
 def left_right_disagree_reference(dx: npt.NDArray[Any], right_dx: npt.NDArray[Any], tolerance: int) -> Mask:
@@ -153,8 +154,12 @@ class SpeckleFilter(Settings):
     )
 
 
-SIXTEENTHS = 16
-NOTHING = -32768
+SPECKLE_UNITS = 16
+"""Units of the rounded disparities in one px, as in OpenCV."""
+
+NO_DISPARITY = -32768
+"""Rounded disparity of a blank pixel."""
+
 SPECKLE = np.uint8(Reason.SPECKLE)
 
 
@@ -174,13 +179,13 @@ def without_speckles(disparity: FloatMap, reason: ReasonMap, settings: SpeckleFi
     settings
         Size below which an island is removed, and disparity step that bounds it.
     """
-    (height, width), most = disparity.shape, round(settings.difference * SIXTEENTHS)
-    sixteenths, counts = np.empty(disparity.shape, np.int16), np.empty(height, np.int32)
+    (height, width), max_step = disparity.shape, round(settings.difference * SPECKLE_UNITS)
+    quantised, counts = np.empty(disparity.shape, np.int16), np.empty(height, np.int32)
     runs = np.empty((2, height, width + 1), np.int32)
-    over_bands(lambda first, end: _find_runs(disparity, most, first, end, sixteenths, runs, counts), height)
+    over_bands(lambda first, end: _find_runs(disparity, max_step, first, end, quantised, runs, counts), height)
     starts = np.concatenate([[0], np.cumsum(counts)])
     surfaces, pixels = np.arange(starts[-1]), np.zeros(starts[-1], np.int64)
-    _join_runs(sixteenths, most, starts, runs, surfaces, pixels)
+    _join_runs(quantised, max_step, starts, runs, surfaces, pixels)
     kept, reasons = np.empty_like(disparity), np.empty_like(reason)
 
     def keep(first: int, end: int) -> None:
@@ -193,27 +198,27 @@ def without_speckles(disparity: FloatMap, reason: ReasonMap, settings: SpeckleFi
 
 @compiled
 def _find_runs(
-    disparity: FloatMap, most: int, first: int, end: int, sixteenths: Array, runs: Array, counts: Array
+    disparity: FloatMap, max_step: int, first: int, end: int, quantised: Array, runs: Array, counts: Array
 ) -> None:
-    """Round the disparities of rows `first` to `end` to sixteenths, NOTHING for NaN, and find the runs of each row.
+    """Round the disparities of rows `first` to `end` to sixteenths, NaN to NO_DISPARITY, and find the runs of each row.
 
-    Their number, and from the left the first column of each, and the column after its last.
+    Set their number in `counts`, and in `runs` the first column of each, from the left, and the column after its last.
     """
-    width = disparity.shape[1]
+    width, blank = disparity.shape[1], np.int16(NO_DISPARITY)
     begins, ends = np.empty(width, np.int32), np.empty(width, np.int32)
     for y in range(first, end):
-        row, source = sixteenths[y], disparity[y]
+        row, source = quantised[y], disparity[y]
         for x in range(width):
             known = source[x] == source[x]
-            row[x] = np.int16(np.int32(np.rint(source[x] * np.float32(SIXTEENTHS)))) if known else np.int16(NOTHING)
-        begins[0], ends[0] = row[0] != NOTHING, 0
+            row[x] = np.int16(np.int32(np.rint(source[x] * np.float32(SPECKLE_UNITS)))) if known else blank
+        begins[0], ends[0] = row[0] != NO_DISPARITY, 0
         for x in range(1, width):
             before, here = np.int32(row[x - 1]), np.int32(row[x])
-            apart = (here == NOTHING) | (before == NOTHING) | (abs(here - before) > most)
-            begins[x], ends[x] = apart & (here != NOTHING), apart & (before != NOTHING)
+            separate = (here == NO_DISPARITY) | (before == NO_DISPARITY) | (abs(here - before) > max_step)
+            begins[x], ends[x] = separate & (here != NO_DISPARITY), separate & (before != NO_DISPARITY)
         begun, ended = y * (width + 1), (disparity.shape[0] + y) * (width + 1)
         for x in range(width):
-            # Written everywhere and kept where a run begins or ends, without a branch to be guessed.
+            # Written everywhere and kept where a run begins or ends, without a branch to predict.
             put(runs, begun, x)
             put(runs, ended, x)
             begun += item(begins, x)
@@ -223,19 +228,19 @@ def _find_runs(
 
 
 @compiled(counted=False)
-def _join_runs(sixteenths: Array, most: int, starts: Array, runs: Array, parent: Array, pixels: Array) -> None:
-    """Set the number of pixels of the surface of each run, first zeros; each run is its own `parent` at first."""
-    height = sixteenths.shape[0]
+def _join_runs(quantised: Array, max_step: int, starts: Array, runs: Array, parent: Array, pixels: Array) -> None:
+    """Set the number of pixels of the surface of each run, initially zeros; each run is initially its own `parent`."""
+    height = quantised.shape[0]
     for y in range(1, height):
         here = above = 0
         while here < starts[y + 1] - starts[y] and above < starts[y] - starts[y - 1]:
             last, last_above = runs[1, y, here], runs[1, y - 1, above]
             for x in range(max(runs[0, y, here], runs[0, y - 1, above]), min(last, last_above)):
-                if abs(np.int32(sixteenths[y, x]) - np.int32(sixteenths[y - 1, x])) <= most:
+                if abs(np.int32(quantised[y, x]) - np.int32(quantised[y - 1, x])) <= max_step:
                     one, other = _root(parent, starts[y] + here), _root(parent, starts[y - 1] + above)
                     parent[max(one, other)] = min(one, other)
                     break
-            # The run that ends first meets no other; of two that end together the next ones do not meet these.
+            # The run that ends first meets no other; if both end together, neither meets another.
             here += last <= last_above
             above += last_above <= last
     for y in range(height):
@@ -269,10 +274,10 @@ def _drop_small(
 def speckles_reference(disparity: FloatMap, size: int, difference: float) -> Mask:
     """Return the pixels that :func:`without_speckles` drops, from OpenCV, whose limit is the largest size removed."""
     known = np.isfinite(disparity)
-    sixteenths: npt.NDArray[np.int16] = np.full(disparity.shape, NOTHING, np.int16)
-    np.rint(disparity * np.float32(SIXTEENTHS), out=sixteenths, where=known, casting="unsafe")
-    cv2.filterSpeckles(sixteenths, NOTHING, size - 1, round(difference * SIXTEENTHS))
-    return np.asarray(known & (sixteenths == NOTHING))
+    quantised: npt.NDArray[np.int16] = np.full(disparity.shape, NO_DISPARITY, np.int16)
+    np.rint(disparity * np.float32(SPECKLE_UNITS), out=quantised, where=known, casting="unsafe")
+    cv2.filterSpeckles(quantised, NO_DISPARITY, size - 1, round(difference * SPECKLE_UNITS))
+    return np.asarray(known & (quantised == NO_DISPARITY))
 
 
 class MedianFilter(Settings):
@@ -295,8 +300,8 @@ class MedianFilter(Settings):
     )
 
 
-UNITS = 256
-"""Values are compared in steps of 1/256."""
+MEDIAN_UNITS = 256
+"""Units of the rounded disparities in one px."""
 
 
 def weighted_median(
@@ -313,7 +318,7 @@ def weighted_median(
     values
         (H, W) float32; NaN = none: ignored, and stays NaN.
     guide
-        (H, W) or (H, W, channels) uint8; any after the third are left out.
+        (H, W) or (H, W, channels) uint8; channels after the third are ignored.
     radius, spacing
         The neighbours are at -radius, -radius + spacing, ..., radius in both directions, px; `radius` is a multiple of
         `spacing`.
@@ -327,19 +332,19 @@ def weighted_median(
     """
     guide = np.atleast_3d(guide)[:, :, :3]
     height, width, channels = guide.shape
-    least, most = np.fmin.reduce(values, axis=None) * UNITS, np.fmax.reduce(values, axis=None) * UNITS
-    if np.isnan(least):
+    low, high = (extreme.reduce(values, axis=None) * MEDIAN_UNITS for extreme in (np.fmin, np.fmax))
+    if np.isnan(low):
         return values.copy()
     votes = (2 * (radius // spacing) + 1) ** 2 * contrast * channels
     # Sixteen numbers of 16 bits take half the registers; the lowest number marks a missing value.
-    narrow = most - least < np.iinfo(np.uint16).max - 4 and votes <= np.iinfo(np.int16).max
+    narrow = high - low < np.iinfo(np.uint16).max - 4 and votes <= np.iinfo(np.int16).max
     dtype: type[np.int16 | np.int32] = np.int16 if narrow else np.int32
-    middle = round((float(least) + float(most)) / 2)
-    # The border has no values, and leaves room to load the last sixteen pixels of a row.
-    beyond = radius + -width % LANES
-    framed = np.full((height + 2 * radius, width + radius + beyond), np.iinfo(dtype).min, dtype)
+    middle = round((float(low) + float(high)) / 2)
+    # The border has no values, and makes room to load the last sixteen pixels of a row.
+    right_border = radius + -width % LANES
+    framed = np.full((height + 2 * radius, width + radius + right_border), np.iinfo(dtype).min, dtype)
     planes = np.empty((channels, *framed.shape), np.uint8)
-    cv2.split(cv2.copyMakeBorder(guide, radius, radius, radius, beyond, cv2.BORDER_REPLICATE), [*planes])
+    cv2.split(cv2.copyMakeBorder(guide, radius, radius, radius, right_border, cv2.BORDER_REPLICATE), [*planes])
     out = np.empty(values.shape, np.float32)
     over_image(lambda first, end: _quantise_rows(values, middle, radius, first, end, framed), values.shape)
     over_image(
@@ -350,15 +355,15 @@ def weighted_median(
 
 @compiled(counted=False)
 def _quantise_rows(values: FloatMap, middle: int, radius: int, first: int, end: int, framed: Array) -> None:
-    """Set rows `first` to `end`, inside a border of the radius, to 256ths minus `middle`; missing values to its own."""
-    missing, beyond = np.int32(framed[0, 0]), values.shape[1] + radius
+    """Set rows `first` to `end`, inside a border of the radius, to 256ths minus `middle`; NaN to the border's value."""
+    missing, stop = np.int32(framed[0, 0]), values.shape[1] + radius
     for y in range(first, end):
-        row, source = framed[y + radius, radius:beyond], values[y]
+        row, source = framed[y + radius, radius:stop], values[y]
         for x in range(source.size):
-            # Rounded before it is chosen: otherwise the loop does not vectorise.
+            # Rounding comes before the choice: otherwise the loop does not vectorise.
             value = source[x]
             known = value == value
-            number = np.int32(np.rint((value if known else np.float32(0)) * np.float32(UNITS)))
+            number = np.int32(np.rint((value if known else np.float32(0)) * np.float32(MEDIAN_UNITS)))
             row[x] = number - np.int32(middle) if known else missing
 
 
@@ -395,7 +400,7 @@ def _median_rows(
             store(found, x, _median(values, planes, contrast, centre, corner, side, spacing, numbers, weights))
         for x in range(width):
             known = values[y + radius, x + radius] != missing
-            number = np.float32(np.int32(found[x]) + np.int32(middle)) / np.float32(UNITS)
+            number = np.float32(np.int32(found[x]) + np.int32(middle)) / np.float32(MEDIAN_UNITS)
             out[y, x] = number if known else np.float32(np.nan)
 
 
@@ -413,22 +418,22 @@ def _median(
 ) -> Any:
     """Return the medians of sixteen pixels, by bisecting the range of each.
 
-    Bisection needs no sorting: the weight above a value is a plain sum, the same operation for all pixels. Each half
-    begins and ends with a neighbour's value: seen as unsigned, how far the middle is above a number is least for the
-    next one below, and largest for the next one above. The first neighbour is at `corner`; a missing one repeats the
-    central value and gets no weight. If the central value is missing, the range is empty.
+    Bisection needs no sorting: the weight above a value is a plain sum, the same operation for all pixels. Either half
+    begins and ends with a neighbour's value: the unsigned difference of the middle from a number is smallest for the
+    next number below the middle, and largest for the next one above. The first neighbour is at `corner`; a missing one
+    repeats the central value and gets no weight. If the central value is missing, the range is empty.
     """
     own = load(values, centre)
     nothing, missing = splat(0, values.dtype), splat(values[0, 0], values.dtype)
     low, high, total, one = own, own, nothing, splat(1, values.dtype)
     channels, size = planes.shape[0], planes.shape[1] * planes.shape[2]
-    most, at, place = splat(contrast * channels, values.dtype), 0, corner
+    full_weight, at, place = splat(contrast * channels, values.dtype), 0, corner
     for _ in range(side):
         for _ in range(side):
-            number, weight = load(values, place), most - _apart(planes, centre, place, values)
+            number, weight = load(values, place), full_weight - _channel_difference(planes, centre, place, values)
             if channels > 1:  # a loop over three takes half as long again
-                weight = weight - _apart(planes, size + centre, size + place, values)
-                weight = weight - _apart(planes, 2 * size + centre, 2 * size + place, values)
+                weight = weight - _channel_difference(planes, size + centre, size + place, values)
+                weight = weight - _channel_difference(planes, 2 * size + centre, 2 * size + place, values)
             weight = larger(weight, one)
             weight = where_at_most(number, missing, nothing, weight)
             number = where_at_most(number, missing, own, number)
@@ -442,18 +447,21 @@ def _median(
     low, high = where_at_most(own, missing, own, low), where_at_most(own, missing, own, high)
     half = where_at_most(own, missing, total, total >> one)
     while not are_equal(low, high):
-        middle, above, least, most = low + ((high - low) >> one), nothing, nothing - one, nothing
+        middle, above, nearest, farthest = low + ((high - low) >> one), nothing, nothing - one, nothing
         for at in range(0, side * side * LANES, LANES):
             down = saturating_difference(middle, load(numbers, at))
             above = above + where_at_most(down, nothing - one, load(weights, at), nothing)
-            least, most = smaller(least, down), larger_unsigned(most, down)
-        low, high = where_at_most(above, half, low, middle - most), where_at_most(above, half, middle - least, high)
+            nearest, farthest = smaller(nearest, down), larger_unsigned(farthest, down)
+        low, high = (
+            where_at_most(above, half, low, middle - farthest),
+            where_at_most(above, half, middle - nearest, high),
+        )
     return low
 
 
 @compiled(counted=False)
-def _apart(planes: Array, one: int, other: int, values: Array) -> Any:
-    """Return the differences of sixteen pixels of a plane from others, in the type of the values."""
+def _channel_difference(planes: Array, one: int, other: int, values: Array) -> Any:
+    """Return the absolute differences of sixteen pixels of a plane from others, in the type of the values."""
     here, there = load(planes, one), load(planes, other)
     darker = smaller(here, there)
     return cast((here - darker) + (there - darker), values.dtype)
@@ -535,12 +543,12 @@ class Finishing(Protocol):
 
 
 def is_finished(settings: Finishing) -> bool:
-    """Return whether the settings ask for any of the stages."""
+    """Return whether any of the stages is on."""
     return settings.speckle is not None or settings.filling or settings.median is not None
 
 
 def finished(found: PixelMatches, left: Image, right: Image, settings: Finishing) -> PixelMatches:
-    """Return the map filtered and filled as the settings ask.
+    """Return the map, filtered and filled according to the settings.
 
     Parameters
     ----------
@@ -564,7 +572,7 @@ def finished(found: PixelMatches, left: Image, right: Image, settings: Finishing
             disparity = filled_along_surfaces(measured, disparity, _guide(left, right), settings.surfaces)
     if settings.median is not None:
         radius, contrast = settings.median.radius, settings.median.contrast
-        disparity = weighted_median(disparity, _guide(left, right), radius, radius // 2, contrast)  # of 25
+        disparity = weighted_median(disparity, _guide(left, right), radius, radius // 2, contrast)  # of 5 × 5 pixels
     # After a search in two dimensions only speckles are removed; nothing is filled.
     dy = None if found.dy is None else np.where(np.isnan(disparity), np.float32(np.nan), found.dy)
     return PixelMatches(disparity, reason, found.score, dy)

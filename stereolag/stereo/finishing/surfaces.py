@@ -18,16 +18,16 @@ from stereolag.loops.compilation import compiled
 from stereolag.loops.memory import copy, fill
 from stereolag.loops.vector_lanes import LANES, load, store, where_at_most
 
-ROUNDS = 2
+ASSIGNMENT_ROUNDS = 2
 """Number of times the pixels are assigned to patches; a third round does not improve the filling."""
 
-AROUND = 7
-"""Touching patches are within a square of this side on the grid: a pixel is at most one square from its patch."""
+NEIGHBOURHOOD = 7
+"""Side of the square of the grid within which patches may touch: a pixel is at most one square from its patch."""
 
 
 @dataclass(frozen=True, eq=False)
 class Superpixels:
-    """Image cut into patches, numbered row by row along a grid of squares.
+    """Image divided into patches, numbered row by row along a grid of squares.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ def superpixels(planes: FloatMap, side: int, contrast: float) -> Superpixels:
     centres = np.column_stack([*(plane[at] for plane in planes), *at]).astype(np.float32)
     weights = np.float32(1 / (channels * contrast**2)), np.float32(1 / side**2)
     labels = _nearest_patches(planes, centres, grid, weights)
-    for _ in range(ROUNDS - 1):
+    for _ in range(ASSIGNMENT_ROUNDS - 1):
         centres = mean_centres(planes, labels, centres)
         labels = _nearest_patches(planes, centres, grid, weights)
     return Superpixels(labels, mean_centres(planes, labels, centres), grid)
@@ -98,18 +98,18 @@ def choose_patches(
     channels, height, width = planes.shape
     # The patches around each pixel are written out along the row, so that the loops over it vectorise.
     compared = np.empty((9, channels + 2, width), np.float32)
-    room = width + -width % LANES
-    numbers, away = np.empty((9, room), np.int32), np.empty(room, np.float32)
-    nearest, nearest_patch = np.empty(room, np.int32), np.empty(room, np.int32)
+    padded = width + -width % LANES
+    numbers, distances = np.empty((9, padded), np.int32), np.empty(padded, np.float32)
+    nearest, nearest_patch = np.empty(padded, np.int32), np.empty(padded, np.int32)
     for row in range(first, end):
         _spread_centres(centres, grid, row, width, compared, numbers)
         for y in range(-(-row * height // grid[0]), -(-(row + 1) * height // grid[0])):
             fill(nearest, np.iinfo(np.int32).max)
             for one in range(9):
-                _place_distances(compared, one, channels, np.float32(y), weights[1], away)
+                _set_position_distances(compared, one, channels, np.float32(y), weights[1], distances)
                 for channel in range(channels):
-                    _add_colour_distances(planes, channel, y, compared, one, weights[0], away)
-                _keep_nearer(away, numbers, one, nearest, nearest_patch)
+                    _add_colour_distances(planes, channel, y, compared, one, weights[0], distances)
+                _keep_nearer(distances, numbers, one, nearest, nearest_patch)
             copy(nearest_patch, labels[y])
 
 
@@ -119,11 +119,11 @@ def _spread_centres(
 ) -> None:
     """Write out the nine patches around each column, at infinity where there is none.
 
-    Of each its number, its colours and row, and the squared distance of its column.
+    For each, set its number in `numbers`, and its colours, row and squared distance of the column in `compared`.
     """
     last = compared.shape[1] - 1
     for x in range(width):
-        square, beside = x * grid[1] // width, np.float32(x)
+        square, col = x * grid[1] // width, np.float32(x)
         for one in range(9):
             down, across = row + one // 3 - 1, square + one % 3 - 1
             inside = 0 <= down < grid[0] and 0 <= across < grid[1]
@@ -131,37 +131,37 @@ def _spread_centres(
             numbers[one, x] = patch
             for number in range(last):
                 compared[one, number, x] = centres[patch, number] if inside else np.float32(np.inf)
-            apart = centres[patch, last] - beside
-            compared[one, last, x] = apart * apart if inside else np.float32(np.inf)
+            distance = centres[patch, last] - col
+            compared[one, last, x] = distance * distance if inside else np.float32(np.inf)
 
 
 @compiled
-def _place_distances(compared: Array, one: int, channels: int, y: Any, weight: Any, away: Array) -> None:
-    """Set the weighted squared distance of each pixel of a row from one of the patches around it."""
+def _set_position_distances(compared: Array, one: int, channels: int, y: Any, weight: Any, distances: Array) -> None:
+    """Set the weighted squared distance in position of each pixel of a row from one of the patches around it."""
     for x in range(compared.shape[2]):
         down = compared[one, channels, x] - y
-        away[x] = (down * down + compared[one, channels + 1, x]) * weight
+        distances[x] = (down * down + compared[one, channels + 1, x]) * weight
 
 
 @compiled
 def _add_colour_distances(
-    planes: Array, channel: int, y: int, compared: Array, one: int, weight: Any, away: Array
+    planes: Array, channel: int, y: int, compared: Array, one: int, weight: Any, distances: Array
 ) -> None:
-    """Add the weighted squared difference from that patch in one channel."""
+    """Add the weighted squared difference in one channel from that patch."""
     for x in range(compared.shape[2]):
-        apart = planes[channel, y, x] - compared[one, channel, x]
-        away[x] += apart * apart * weight
+        difference = planes[channel, y, x] - compared[one, channel, x]
+        distances[x] += difference * difference * weight
 
 
 @compiled
-def _keep_nearer(away: Array, numbers: Array, one: int, nearest: Array, nearest_patch: Array) -> None:
+def _keep_nearer(distances: Array, numbers: Array, one: int, nearest: Array, nearest_patch: Array) -> None:
     """Assign to the patch the pixels that are nearer to it than to any before.
 
-    The bits of floats that are not negative are ordered as they are.
+    Distances are compared by their bits: non-negative floats have the same order as the integers of their bits.
     """
-    distances, row = away.view(np.int32), one * numbers.shape[1]
-    for x in range(0, away.size, LANES):
-        here, least = load(distances, x), load(nearest, x)
+    bits, row = distances.view(np.int32), one * numbers.shape[1]
+    for x in range(0, distances.size, LANES):
+        here, least = load(bits, x), load(nearest, x)
         store(nearest_patch, x, where_at_most(least, here, load(nearest_patch, x), load(numbers, row + x)))
         store(nearest, x, where_at_most(least, here, least, here))
 
@@ -189,11 +189,11 @@ def mean_centres(planes: Array, labels: Array, before: Array) -> FloatMap:
 
 
 def neighbours(grid: tuple[int, int]) -> npt.NDArray[np.int32]:
-    """Return the numbers of the 7 × 7 patches around each on the grid, (patches, 49); its own beyond the grid."""
+    """Return the numbers of the 7 × 7 patches around each patch, (patches, 49); its own number outside the grid."""
     number = np.arange(grid[0] * grid[1])
-    down, across = np.divmod(np.arange(AROUND**2), AROUND)
-    rows = number[:, None] // grid[1] + down - AROUND // 2
-    cols = number[:, None] % grid[1] + across - AROUND // 2
+    down, across = np.divmod(np.arange(NEIGHBOURHOOD**2), NEIGHBOURHOOD)
+    rows = number[:, None] // grid[1] + down - NEIGHBOURHOOD // 2
+    cols = number[:, None] % grid[1] + across - NEIGHBOURHOOD // 2
     inside = (rows >= 0) & (rows < grid[0]) & (cols >= 0) & (cols < grid[1])
     return np.where(inside, rows * grid[1] + cols, number[:, None]).astype(np.int32)
 
@@ -202,8 +202,8 @@ def neighbours(grid: tuple[int, int]) -> npt.NDArray[np.int32]:
 def borders(labels: Array, grid: tuple[int, int]) -> FloatMap:
     """Return (patches, 49, 3) float32: length and mean column and row of each patch's border with each neighbour."""
     height, width = labels.shape
-    out = np.zeros((grid[0] * grid[1], AROUND * AROUND, 3), np.float32)
-    middle = AROUND // 2
+    out = np.zeros((grid[0] * grid[1], NEIGHBOURHOOD * NEIGHBOURHOOD, 3), np.float32)
+    middle = NEIGHBOURHOOD // 2
     for y in range(height):
         for x in range(width):
             for across in range(2):
@@ -211,13 +211,14 @@ def borders(labels: Array, grid: tuple[int, int]) -> FloatMap:
                 if row == height or col == width or labels[row, col] == labels[y, x]:
                     continue
                 one, other = labels[y, x], labels[row, col]
-                place = (other // grid[1] - one // grid[1] + middle) * AROUND + other % grid[1] - one % grid[1] + middle
-                for patch, number in ((one, place), (other, AROUND * AROUND - 1 - place)):
+                grid_row, grid_col = other // grid[1] - one // grid[1], other % grid[1] - one % grid[1]
+                place = (grid_row + middle) * NEIGHBOURHOOD + grid_col + middle
+                for patch, number in ((one, place), (other, NEIGHBOURHOOD * NEIGHBOURHOOD - 1 - place)):
                     out[patch, number, 0] += 1
                     out[patch, number, 1] += x
                     out[patch, number, 2] += y
     for patch in range(out.shape[0]):
-        for number in range(AROUND * AROUND):
+        for number in range(NEIGHBOURHOOD * NEIGHBOURHOOD):
             if out[patch, number, 0] > 0:
                 out[patch, number, 1] /= out[patch, number, 0]
                 out[patch, number, 2] /= out[patch, number, 0]
@@ -234,42 +235,42 @@ def choose_patches_reference(
     number = np.arange(len(centres))[:, None, None]
     near = (abs(number // grid[1] - square[0]) <= 1) & (abs(number % grid[1] - square[1]) <= 1)
     *colours, rows, cols = centres.T[:, :, None, None]
-    away = ((rows - y) ** 2 + (cols - x) ** 2) * weights[1]
+    distances = ((rows - y) ** 2 + (cols - x) ** 2) * weights[1]
     for plane, colour in zip(planes, colours, strict=True):
-        away = away + (plane - colour) ** 2 * weights[0]
-    return np.asarray(np.where(near, away, np.inf).argmin(axis=0), np.int32)
+        distances = distances + (plane - colour) ** 2 * weights[0]
+    return np.asarray(np.where(near, distances, np.inf).argmin(axis=0), np.int32)
 
 
-MEASURED_SAMPLES, GUESSED_SAMPLES = 32, 16
-"""Largest numbers of pixels, spread evenly over a patch, that its plane is fitted to."""
+MAX_MEASURED_SAMPLES, MAX_GUESSED_SAMPLES = 32, 16
+"""Largest numbers of measured and of guessed pixels, spread evenly over a patch, to which its plane is fitted."""
 
 GUESS_WEIGHT = 0.03
 """Weight of a guessed pixel; a measured one has 1."""
 
 SWEEPS = 20
-"""Number of times all planes are refitted, each to its neighbours' planes from the sweep before."""
+"""Number of times all planes are refitted, each to its neighbours' planes of the previous sweep."""
 
-SPREAD = 2.0
-"""Distance from the plane at which a pixel has lost most of its weight, px of disparity."""
+PLANE_SCALE_PX = 2.0
+"""Distance from a plane at which the weight of a measured pixel falls to a quarter, px of disparity."""
 
-JOIN = 2.0
+BORDER_WEIGHT = 2.0
 """Weight of a border pixel between two patches of one colour; a measured pixel has 1."""
 
-JOIN_SPREAD = 2.0
-"""Distance between two neighbouring planes at which they hardly count as one surface, px of disparity."""
+BORDER_SCALE_PX = 2.0
+"""Distance between two neighbouring planes at which the weight of their border falls to a quarter, px of disparity."""
 
-JOIN_CONTRAST = 10.0
-"""Colour difference, levels per channel, at which the weight of a border falls to 0.37 of JOIN."""
+BORDER_CONTRAST = 10.0
+"""Colour difference, levels per channel, at which the weight of a border falls to 0.37 of BORDER_WEIGHT."""
 
-STEEPEST = 2.0
-"""Steepest trial plane, px of disparity per pixel of the reduced map."""
+MAX_TRIAL_SLANT = 2.0
+"""Largest slant of a trial plane, px of disparity per pixel of the reduced map."""
 
-LEVEL = 1e-3
+LEVEL_WEIGHT = 1e-3
 """Weight that keeps a plane level if all its points are on one line."""
 
 
 class Samples(NamedTuple):
-    """Pixels of each patch that its plane is fitted to."""
+    """Pixels of each patch to which its plane is fitted."""
 
     points: FloatMap
     """(patches, 3, most): columns, rows, disparities."""
@@ -281,19 +282,19 @@ class Samples(NamedTuple):
 
 @cache
 def trials() -> FloatMap:
-    """Return the three guesses that each trial plane goes through, (planes, 3), as shares of their number."""
+    """Return the three guesses through which each trial plane passes, (planes, 3), as shares of their number."""
     return np.random.default_rng(0).random((16, 3)).astype(np.float32)
 
 
-def fitted(patches: Superpixels, measured: Samples, guessed: Samples) -> FloatMap:
+def fitted_planes(patches: Superpixels, measured: Samples, guessed: Samples) -> FloatMap:
     """Return the plane of every patch with a gap, (patches, 3): slant per column and row, and value at its centre."""
     at = np.ascontiguousarray(patches.centres[:, -2:])
     joins = borders(patches.labels, patches.grid)
     colour = patches.centres[:, :-2]
     # Different colours separate patches: the weight of a border falls with the mean difference of the channels.
     near = neighbours(patches.grid)
-    apart = np.abs(colour[near] - colour[:, None]).mean(axis=2)
-    joins[:, :, 0] *= np.float32(JOIN) * np.exp(-apart / np.float32(JOIN_CONTRAST))
+    difference = np.abs(colour[near] - colour[:, None]).mean(axis=2)
+    joins[:, :, 0] *= np.float32(BORDER_WEIGHT) * np.exp(-difference / np.float32(BORDER_CONTRAST))
     planes = best_of_trials(*guessed[:2], at, trials())
     for _ in range(SWEEPS):
         planes = refitted(planes, measured, guessed, joins, near, at)
@@ -301,33 +302,33 @@ def fitted(patches: Superpixels, measured: Samples, guessed: Samples) -> FloatMa
 
 
 @compiled
-def sampled(labels: Array, values: Array, patches: int, most: int) -> tuple[Array, Array, Array]:
-    """Return the fields of `Samples`: at most `most` pixels of each patch, spread evenly among those with a value."""
+def sampled(labels: Array, values: Array, patches: int, max_count: int) -> tuple[Array, Array, Array]:
+    """Return the fields of `Samples`: up to `max_count` pixels of each patch, spread evenly over those with a value."""
     height, width = labels.shape
     counts = np.zeros(patches, np.int32)
     for y in range(height):
         for x in range(width):
             counts[labels[y, x]] += not np.isnan(values[y, x])
-    points = np.zeros((patches, 3, most), np.float32)
-    kept, seen = np.zeros(patches, np.int32), np.zeros(patches, np.int32)
+    points = np.zeros((patches, 3, max_count), np.float32)
+    kept, visited = np.zeros(patches, np.int32), np.zeros(patches, np.int32)
     for y in range(height):
         for x in range(width):
             patch = labels[y, x]
             if np.isnan(values[y, x]):
                 continue
-            # The first pixel of each of `most` equal shares.
-            if seen[patch] * most >= kept[patch] * max(counts[patch], most):
+            # The first pixel of each of `max_count` equal shares.
+            if visited[patch] * max_count >= kept[patch] * max(counts[patch], max_count):
                 points[patch, 0, kept[patch]] = x
                 points[patch, 1, kept[patch]] = y
                 points[patch, 2, kept[patch]] = values[y, x]
                 kept[patch] += 1
-            seen[patch] += 1
+            visited[patch] += 1
     return points, kept, counts
 
 
 @compiled
 def best_of_trials(points: Array, kept: Array, at: Array, trials: Array) -> FloatMap:
-    """Return the plane nearest to most samples of each patch, among level ones and those through three samples.
+    """Return the plane with the most votes in each patch, among level ones and those through three samples.
 
     A patch with fewer than three samples has no plane: NaN.
     """
@@ -347,7 +348,7 @@ def best_of_trials(points: Array, kept: Array, at: Array, trials: Array) -> Floa
                 if abs(area) < 2:
                     continue
                 rise, fall = (az * by - ay * bz) / area, (ax * bz - az * bx) / area
-                if max(abs(rise), abs(fall)) > np.float32(STEEPEST):
+                if max(abs(rise), abs(fall)) > np.float32(MAX_TRIAL_SLANT):
                     continue
             value += rise * (at[patch, 1] - x) + fall * (at[patch, 0] - y)
             votes = _votes(points, patch, count, at[patch, 1], at[patch, 0], rise, fall, value)
@@ -359,12 +360,12 @@ def best_of_trials(points: Array, kept: Array, at: Array, trials: Array) -> Floa
 
 @compiled(fastmath={"reassoc", "contract"})
 def _votes(points: Array, patch: int, count: int, col: Any, row: Any, rise: Any, fall: Any, value: Any) -> Any:
-    """Return the number of points of a patch near a plane: each counts 1 on the plane, and less with distance."""
+    """Return the votes of the points of a patch for a plane: 1 on the plane, and less with distance."""
     votes = np.float32(0)
     for number in range(count):
         x, y = points[patch, 0, number] - col, points[patch, 1, number] - row
-        away = (points[patch, 2, number] - value - rise * x - fall * y) / np.float32(SPREAD)
-        votes += np.float32(1) / (np.float32(1) + away * away)
+        distance = (points[patch, 2, number] - value - rise * x - fall * y) / np.float32(PLANE_SCALE_PX)
+        votes += np.float32(1) / (np.float32(1) + distance * distance)
     return votes
 
 
@@ -381,11 +382,11 @@ def refitted(planes: Array, measured: Samples, guessed: Samples, joins: Array, n
         if np.isnan(planes[patch, 2]):
             continue
         fill(sums, 0)
-        sums[0] = sums[3] = LEVEL
-        for samples, share, spread in ((measured, 1.0, SPREAD), (guessed, GUESS_WEIGHT, 2 * SPREAD)):
+        sums[0] = sums[3] = LEVEL_WEIGHT
+        for samples, share, scale in ((measured, 1.0, PLANE_SCALE_PX), (guessed, GUESS_WEIGHT, 2 * PLANE_SCALE_PX)):
             count = samples.kept[patch]
             weight = np.float32(share * samples.counts[patch] / max(count, 1))
-            _add(sums, planes, at, patch, samples.points, patch, count, weight, np.float32(spread))
+            _add(sums, planes, at, patch, samples.points, patch, count, weight, np.float32(scale))
         for number in range(near.shape[1]):
             other = near[patch, number]
             if joins[patch, number, 0] <= 0 or np.isnan(planes[other, 2]):
@@ -397,14 +398,14 @@ def refitted(planes: Array, measured: Samples, guessed: Samples, joins: Array, n
             for place in range(3):
                 across, down = joined[0, 0, place] - at[other, 1], joined[0, 1, place] - at[other, 0]
                 joined[0, 2, place] = planes[other, 2] + planes[other, 0] * across + planes[other, 1] * down
-            _add(sums, planes, at, patch, joined, 0, 3, joins[patch, number, 0], np.float32(JOIN_SPREAD))
+            _add(sums, planes, at, patch, joined, 0, 3, joins[patch, number, 0], np.float32(BORDER_SCALE_PX))
         _solve(sums, out, patch)
     return out
 
 
 @compiled(fastmath={"reassoc", "contract"})
 def _add(
-    sums: Array, planes: Array, at: Array, patch: int, points: Array, row: int, count: int, weight: Any, spread: Any
+    sums: Array, planes: Array, at: Array, patch: int, points: Array, row: int, count: int, weight: Any, scale: Any
 ) -> None:
     """Add the points in a row of an array to a patch's normal equations, with less weight far from its plane."""
     rise, fall, value = planes[patch, 0], planes[patch, 1], planes[patch, 2]
@@ -412,8 +413,8 @@ def _add(
     sxx = sxy = sx = syy = sy = s = sxz = syz = sz = np.float32(0)
     for number in range(count):
         x, y, z = points[row, 0, number] - middle, points[row, 1, number] - centre, points[row, 2, number]
-        away = (z - value - rise * x - fall * y) / spread
-        nearness = np.float32(1) / (np.float32(1) + away * away)
+        distance = (z - value - rise * x - fall * y) / scale
+        nearness = np.float32(1) / (np.float32(1) + distance * distance)
         w = weight * nearness * nearness
         sxx += w * x * x
         sxy += w * x * y
@@ -440,12 +441,12 @@ def _solve(sums: Array, planes: Array, patch: int) -> None:
     """Set the plane that solves its normal equations, by Cramer's rule; keep it if they have no solution."""
     xx, xy, x, yy, y, n, xz, yz, z = sums
     a, b, c = yy * n - y * y, x * y - xy * n, xy * y - x * yy
-    scale = xx * a + xy * b + x * c
-    if scale <= 1e-9 * xx * yy * n:
+    determinant = xx * a + xy * b + x * c
+    if determinant <= 1e-9 * xx * yy * n:
         return
-    planes[patch, 0] = (a * xz + b * yz + c * z) / scale
-    planes[patch, 1] = (b * xz + (xx * n - x * x) * yz + (xy * x - xx * y) * z) / scale
-    planes[patch, 2] = (c * xz + (xy * x - xx * y) * yz + (xx * yy - xy * xy) * z) / scale
+    planes[patch, 0] = (a * xz + b * yz + c * z) / determinant
+    planes[patch, 1] = (b * xz + (xx * n - x * x) * yz + (xy * x - xx * y) * z) / determinant
+    planes[patch, 2] = (c * xz + (xy * x - xx * y) * yz + (xx * yy - xy * xy) * z) / determinant
 
 
 def refitted_reference(
@@ -458,38 +459,38 @@ def refitted_reference(
 ) -> FloatMap:
     """Return the expected result of :func:`refitted`, up to rounding, computed with plain NumPy."""
 
-    def above(patch: int, x: Array, y: Array) -> Array:
+    def terms(patch: int, x: Array, y: Array) -> Array:
         return np.column_stack([x - at[patch, 1], y - at[patch, 0], np.ones(len(x))])
 
     out = planes.copy()
     for patch in np.flatnonzero(np.isfinite(planes[:, 2])).tolist():
-        groups = [
-            (samples.points[patch, :, : samples.kept[patch]], share * samples.counts[patch] / samples.kept[patch], far)
-            for samples, share, far in ((measured, 1, SPREAD), (guessed, GUESS_WEIGHT, 2 * SPREAD))
-            if samples.kept[patch] > 0
-        ]
+        groups = []
+        for samples, share, scale in ((measured, 1, PLANE_SCALE_PX), (guessed, GUESS_WEIGHT, 2 * PLANE_SCALE_PX)):
+            kept = samples.kept[patch]
+            if kept > 0:
+                groups.append((samples.points[patch, :, :kept], share * samples.counts[patch] / kept, scale))
         for join, other in zip(joins[patch], near[patch], strict=True):
             if join[0] > 0 and np.isfinite(planes[other, 2]):
                 x, y = np.array([join[1:], at[patch, ::-1], at[other, ::-1]]).T
-                groups.append((np.array([x, y, above(other, x, y) @ planes[other]]), join[0], JOIN_SPREAD))
-        rows, values, weights = [np.eye(2, 3)], [np.zeros(2)], [np.full(2, LEVEL)]
-        for (x, y, z), weight, far in groups:
-            rows.append(above(patch, x, y))
+                groups.append((np.array([x, y, terms(other, x, y) @ planes[other]]), join[0], BORDER_SCALE_PX))
+        rows, values, weights = [np.eye(2, 3)], [np.zeros(2)], [np.full(2, LEVEL_WEIGHT)]
+        for (x, y, z), weight, scale in groups:
+            rows.append(terms(patch, x, y))
             values.append(z)
-            weights.append(weight / (1 + ((z - rows[-1] @ planes[patch]) / far) ** 2) ** 2)
+            weights.append(weight / (1 + ((z - rows[-1] @ planes[patch]) / scale) ** 2) ** 2)
         root = np.sqrt(np.concatenate(weights))
         out[patch] = np.linalg.lstsq(np.concatenate(rows) * root[:, None], np.concatenate(values) * root)[0]
     return out
 
 
-REDUCED = 2
-"""Patches and planes are computed on every other row and column."""
+REDUCTION = 2
+"""Patches and planes are computed on every row and column of this many."""
 
-NARROW = 32
-"""A gap of at most this many px between surfaces at different depths is hidden from a camera by the nearer one."""
+MAX_HIDDEN_GAP_PX = 32
+"""Width up to which a gap between surfaces at different depths is hidden from a camera by the nearer surface, px."""
 
-HIDING = 2.5
-"""Surfaces farther apart than this, px of disparity, are at different depths."""
+MIN_DEPTH_STEP_PX = 2.5
+"""Difference above which two surfaces are at different depths, px of disparity."""
 
 
 class SurfaceFilling(Settings):
@@ -517,11 +518,11 @@ def filled_along_surfaces(
 ) -> FloatMap:
     """Return the map with its gaps filled from planes.
 
-    Each patch with a gap has one plane. It starts as the best of several through the guesses in the patch, which
-    indicate the surface to look for, and is refitted repeatedly to the measured pixels of the patch near this plane, to
-    its neighbours' planes where these may be the same surface, and weakly to the guesses. This is slanted-plane stereo
-    (K. Yamaguchi et al., "Efficient joint segmentation, occlusion labeling, stereo and flow estimation", 2014) for the
-    gaps only.
+    Each patch with a gap has one plane. It starts as the best of several planes through the guesses in the patch, which
+    indicate the surface to look for. It is then refitted repeatedly to the measured pixels of the patch near it, to its
+    neighbours' planes where these may be the same surface, and weakly to the guesses. This is slanted-plane stereo (K.
+    Yamaguchi et al., "Efficient joint segmentation, occlusion labeling, stereo and flow estimation", 2014) for the gaps
+    only.
 
     Parameters
     ----------
@@ -542,16 +543,16 @@ def filled_along_surfaces(
     low, high = np.fmin.reduce(disparity, axis=None), np.fmax.reduce(disparity, axis=None)
     if np.isnan(low) or not np.isnan(disparity.sum()):
         return disparity
-    size = -(-disparity.shape[1] // REDUCED), -(-disparity.shape[0] // REDUCED)
+    size = -(-disparity.shape[1] // REDUCTION), -(-disparity.shape[0] // REDUCTION)
     small = cv2.resize(guide, size, interpolation=cv2.INTER_AREA)
     planes = np.ascontiguousarray(np.atleast_3d(small)[:, :, :3].transpose(2, 0, 1), np.float32)
-    patches = superpixels(planes, settings.patch // REDUCED, settings.contrast)
-    few = disparity[::REDUCED, ::REDUCED]
-    gaps = np.where(np.isnan(few), guess[::REDUCED, ::REDUCED], np.float32(np.nan))
+    patches = superpixels(planes, settings.patch // REDUCTION, settings.contrast)
+    sparse = disparity[::REDUCTION, ::REDUCTION]
+    guesses = np.where(np.isnan(sparse), guess[::REDUCTION, ::REDUCTION], np.float32(np.nan))
     count = len(patches.centres)
-    measured = Samples(*sampled(patches.labels, few, count, MEASURED_SAMPLES))
-    guessed = Samples(*sampled(patches.labels, gaps, count, GUESSED_SAMPLES))
-    surfaces = fitted(patches, measured, guessed)
+    measured = Samples(*sampled(patches.labels, sparse, count, MAX_MEASURED_SAMPLES))
+    guessed = Samples(*sampled(patches.labels, guesses, count, MAX_GUESSED_SAMPLES))
+    surfaces = fitted_planes(patches, measured, guessed)
     at = np.ascontiguousarray(patches.centres[:, -2:])
     out = disparity.copy()
     over_bands(
@@ -576,7 +577,7 @@ def fill_from_planes(
 ) -> None:
     """Fill the gaps of rows `first` to `end` from the planes of their patches, clipped to `low`..`high`.
 
-    In a narrow gap between a near and a far surface no value is nearer than the guess, which belongs to the far one.
+    In a narrow gap between a near and a far surface, no value is nearer than the guess, which belongs to the far one.
     The guess is kept where a patch has no plane.
     """
     width = out.shape[1]
@@ -585,12 +586,12 @@ def fill_from_planes(
         for x in range(width + 1):
             if x < width and np.isnan(disparity[y, x]):
                 continue
-            hidden = 0 < start < x < width and x - start <= NARROW
-            hidden = hidden and abs(disparity[y, x] - disparity[y, start - 1]) > HIDING
+            hidden = 0 < start < x < width and x - start <= MAX_HIDDEN_GAP_PX
+            hidden = hidden and abs(disparity[y, x] - disparity[y, start - 1]) > MIN_DEPTH_STEP_PX
             for gap in range(start, x):
-                patch = labels[y // REDUCED, gap // REDUCED]
-                across = np.float32(gap) / np.float32(REDUCED) - at[patch, 1]
-                down = np.float32(y) / np.float32(REDUCED) - at[patch, 0]
+                patch = labels[y // REDUCTION, gap // REDUCTION]
+                across = np.float32(gap) / np.float32(REDUCTION) - at[patch, 1]
+                down = np.float32(y) / np.float32(REDUCTION) - at[patch, 0]
                 value = planes[patch, 2] + planes[patch, 0] * across + planes[patch, 1] * down
                 value = guess[y, gap] if np.isnan(value) else min(max(value, low), high)
                 out[y, gap] = min(value, guess[y, gap]) if hidden else value

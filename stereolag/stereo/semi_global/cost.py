@@ -1,7 +1,7 @@
 """Matching cost of every pixel at every lag: the settings, the features compared, the terms, and their sum.
 
-One pass over the lags, sixteen at once, computes all three terms of a pixel and writes their rounded sum. Costs are
-summed in 16 bits, in parts of 1/256 (``PARTS``). Each term has its plain formula, listed in ``TERMS``.
+One pass over the lags, sixteen at a time, computes all three terms of a pixel and writes their rounded sum. Costs are
+summed in 16 bits, in units of 1/256 (``PARTS_PER_COST``). The plain formulas of the terms are in ``TERMS``.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ from stereolag.loops.vector_lanes import (
     summed_bit_counts,
 )
 
-MOST = 250
+MAX_COST = 250
 """Largest sum of the weights: a volume stores costs in 8 bits."""
 
 
 @dataclass(frozen=True)
 class TermWeight:
-    """Marker for the weight of a term: its highest cost."""
+    """Marker of the setting that is the weight of a term, which is its highest cost."""
 
 
 class MatchingCost(Settings):
@@ -80,16 +80,16 @@ class MatchingCost(Settings):
 
     @model_validator(mode="after")
     def _highest_is_allowed(self) -> MatchingCost:
-        if not 0 < self.highest <= MOST:
+        if not 0 < self.highest <= MAX_COST:
             *names, last = self.weights()
             raise ValueError(
-                f"{', '.join(names)} and {last} add up to {self.highest}; allowed are 1 to {MOST} together."
+                f"{', '.join(names)} and {last} add up to {self.highest}; allowed are 1 to {MAX_COST} together."
             )
         return self
 
     @property
     def highest(self) -> int:
-        """Return the cost of a lag at which nothing fits, at most :data:`MOST`."""
+        """Return the cost of a complete mismatch, at most :data:`MAX_COST`."""
         return sum(getattr(self, name) for name in self.weights())
 
     @classmethod
@@ -102,21 +102,21 @@ EightBit = npt.NDArray[np.uint8]
 Volume = npt.NDArray[np.float64]
 Costs = npt.NDArray[np.uint8]
 
-NOISE = 2.0
-"""Standard deviation taken for noise, grey levels of 255: a window that varies less correlates with nothing."""
+NOISE_GREYS = 2.0
+"""Standard deviation of the noise, grey levels of 255: a window of lower contrast correlates with nothing."""
 
 BORDER = cv2.BORDER_REFLECT_101
-"""Windows at the border of an image contain its mirror image."""
+"""Windows at the border of an image extend into its mirror image."""
 
-PARTS = 256
-"""Parts of a unit of cost in which terms are summed: MOST of them fit in 16 bits."""
+PARTS_PER_COST = 256
+"""Parts of a unit of cost, in which terms are summed: the parts of MAX_COST fit in 16 bits."""
 
 
 class Features(NamedTuple):
-    """Features of one image that the terms compare, each (H, W), but `levels` with a border of the window's radius."""
+    """Features of one image that the terms compare, each (H, W), except that `levels` have a border of the radius."""
 
     levels: npt.NDArray[Any]
-    """int16 grey levels minus 128; of the right image int32, see :func:`right_features`."""
+    """int16 grey levels minus 128; int32 for the right image, see :func:`right_features`."""
     total: npt.NDArray[np.float32]
     """Sum of these levels over the window around every pixel."""
     inverse: npt.NDArray[np.float32]
@@ -137,7 +137,7 @@ def features(image: EightBit, radius: int) -> Features:
         np.asarray(blur(levels, cv2.CV_32F, (side, side), normalize=False, borderType=BORDER), np.float32)
         for blur in (cv2.boxFilter, cv2.sqrBoxFilter)
     )
-    _invert(total, np.float32(1 / side**2), np.float32(side**2 * NOISE**2), energy)
+    _invert(total, np.float32(1 / side**2), np.float32(side**2 * NOISE_GREYS**2), energy)
     low, high = census(image)
     return Features(
         levels=cv2.copyMakeBorder(levels, radius, radius, radius, radius, BORDER),
@@ -151,7 +151,7 @@ def features(image: EightBit, radius: int) -> Features:
 
 @compiled
 def _invert(total: FloatMap, share: Any, noise: Any, energy: FloatMap) -> None:
-    """Turn the sums of squares over windows into inverse square roots of their energy, with noise, about the mean."""
+    """Convert sums of squares over windows into inverse square roots of the energy about the mean, plus noise."""
     for y in range(total.shape[0]):
         for x in range(total.shape[1]):
             about_mean = energy[y, x] + (noise - total[y, x] * total[y, x] * share)
@@ -161,8 +161,8 @@ def _invert(total: FloatMap, share: Any, noise: Any, energy: FloatMap) -> None:
 def right_features(image: EightBit, radius: int, before: int, after: int) -> Features:
     """Return the features of the right image, mirrored left to right, so that larger lags are at larger addresses.
 
-    They have `before` and `after` more columns at the ends, so that every lag can be read. Each level is joined by the
-    one a window's height above it, which leaves the window when it enters: it is in the high 16 bits.
+    They have `before` and `after` more columns at the ends, so that every lag can be read. The high 16 bits of each
+    level hold the level one window's height above, which leaves the window when this one enters.
     """
     found, side = features(image, radius), 2 * radius + 1
     levels = found.levels.view(np.uint16).astype(np.int32)
@@ -170,9 +170,9 @@ def right_features(image: EightBit, radius: int, before: int, after: int) -> Fea
 
     def framed(array: Array) -> Array:
         rows, cols = array.shape
-        room = np.zeros((rows, before + cols + after), array.dtype)
-        cv2.flip(array, 1, dst=room[:, before : before + cols])
-        return room
+        frame = np.zeros((rows, before + cols + after), array.dtype)
+        cv2.flip(array, 1, dst=frame[:, before : before + cols])
+        return frame
 
     return Features(*(framed(one) for one in found._replace(levels=levels)))
 
@@ -180,28 +180,32 @@ def right_features(image: EightBit, radius: int, before: int, after: int) -> Fea
 def correlation_reference(left: EightBit, right: EightBit, radius: int, settings: MatchingCost) -> Volume:
     """Return the cost of the correlation term from its formula."""
     side = 2 * radius + 1
-    free, norm = [], []
+    mean_free, norms = [], []
     for image in (left, right):
         padded = np.pad(image.astype(float), radius, mode="reflect")
         windows = np.lib.stride_tricks.sliding_window_view(padded, (side, side))
-        free.append(windows - windows.mean(axis=(2, 3), keepdims=True))
-        norm.append(np.sqrt((free[-1] ** 2).sum(axis=(2, 3)) + (side * NOISE) ** 2))
-    scores = np.einsum("yxij,yzij->yxz", *free) / (norm[0][:, :, None] * norm[1][:, None, :])
+        mean_free.append(windows - windows.mean(axis=(2, 3), keepdims=True))
+        norms.append(np.sqrt((mean_free[-1] ** 2).sum(axis=(2, 3)) + (side * NOISE_GREYS) ** 2))
+    scores = np.einsum("yxij,yzij->yxz", *mean_free) / (norms[0][:, :, None] * norms[1][:, None, :])
     return np.asarray(settings.correlation * (1 - scores) / 2)
 
 
-RADIUS = 2
-BITS = (2 * RADIUS + 1) ** 2 - 1
-HIGH_BITS = BITS - 16
+CENSUS_RADIUS = 2
+"""Radius of the census window, px."""
+
+CENSUS_BITS = (2 * CENSUS_RADIUS + 1) ** 2 - 1
+"""Number of neighbours in the census window, each a bit of the census word; the first 8 are its high bits."""
+
 Words = npt.NDArray[np.uint16]
 
 
 def census(image: npt.NDArray[Any]) -> tuple[Words, Words]:
-    """Return the low 16 and the high 8 bits of words of 24, one per 5 × 5 neighbour in reading order, set if darker.
+    """Return the low 16 and the high 8 bits of the census words: one bit per 5 × 5 neighbour, set if it is darker.
 
-    The image is mirrored at its borders. Any increasing change of brightness leaves the words unchanged.
+    The neighbours are in reading order; the image is mirrored at its borders. Any increasing change of brightness
+    leaves the words unchanged.
     """
-    padded = cv2.copyMakeBorder(image, RADIUS, RADIUS, RADIUS, RADIUS, BORDER)
+    padded = cv2.copyMakeBorder(image, CENSUS_RADIUS, CENSUS_RADIUS, CENSUS_RADIUS, CENSUS_RADIUS, BORDER)
     low, high = np.zeros(image.shape, np.uint16), np.zeros(image.shape, np.uint16)
     _census_rows(padded, low, high)
     return low, high
@@ -209,13 +213,13 @@ def census(image: npt.NDArray[Any]) -> tuple[Words, Words]:
 
 @compiled
 def _census_rows(padded: npt.NDArray[Any], low: Words, high: Words) -> None:
-    side, stride, width = 2 * RADIUS + 1, padded.shape[1], low.shape[1]
+    side, stride, width = 2 * CENSUS_RADIUS + 1, padded.shape[1], low.shape[1]
     for y in range(low.shape[0]):
-        centre = (y + RADIUS) * stride + RADIUS
-        for bit in range(BITS):
-            place = bit if bit < BITS // 2 else bit + 1  # the pixel itself is no neighbour
+        centre = (y + CENSUS_RADIUS) * stride + CENSUS_RADIUS
+        for bit in range(CENSUS_BITS):
+            place = bit if bit < CENSUS_BITS // 2 else bit + 1  # the pixel itself is not a neighbour
             neighbour = (y + place // side) * stride + place % side
-            _add_bit(padded, neighbour, centre, high if bit < HIGH_BITS else low, y * width, width)
+            _add_bit(padded, neighbour, centre, high if bit < CENSUS_BITS - 16 else low, y * width, width)
 
 
 @compiled
@@ -228,12 +232,12 @@ def _add_bit(padded: Array, neighbour: int, centre: int, words: Words, at: int, 
 
 def census_reference(image: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
     """Return the words of 24 bits expected of :func:`census`, computed with plain NumPy."""
-    padded = np.pad(image, RADIUS, mode="reflect")
+    padded = np.pad(image, CENSUS_RADIUS, mode="reflect")
     rows, cols = image.shape
     words = np.zeros(image.shape, np.int64)
-    for row in range(2 * RADIUS + 1):
-        for col in range(2 * RADIUS + 1):
-            if (row, col) != (RADIUS, RADIUS):
+    for row in range(2 * CENSUS_RADIUS + 1):
+        for col in range(2 * CENSUS_RADIUS + 1):
+            if (row, col) != (CENSUS_RADIUS, CENSUS_RADIUS):
                 words = (words << 1) | (padded[row : row + rows, col : col + cols] < image)
     return words.astype(np.uint32)
 
@@ -241,7 +245,7 @@ def census_reference(image: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
 def census_cost_reference(left: EightBit, right: EightBit, radius: int, settings: MatchingCost) -> Volume:
     """Return the cost of the census term from its formula."""
     words, others = census_reference(left), census_reference(right)
-    return np.asarray(settings.census / BITS * np.bitwise_count(words[:, :, None] ^ others[:, None, :]))
+    return np.asarray(settings.census / CENSUS_BITS * np.bitwise_count(words[:, :, None] ^ others[:, None, :]))
 
 
 SOBEL_UNIT = 4
@@ -255,8 +259,8 @@ def gradient_reference(left: EightBit, right: EightBit, radius: int, settings: M
         padded = np.pad(image.astype(np.int64), 1, mode="reflect")
         smooth = padded[:-2] + 2 * padded[1:-1] + padded[2:]
         slopes.append((smooth[:, 2:] - smooth[:, :-2]) / SOBEL_UNIT)
-    apart = np.abs(slopes[0][:, :, None] - slopes[1][:, None, :])
-    return np.asarray(settings.gradient * np.minimum(apart / settings.gradient_limit, 1))
+    differences = np.abs(slopes[0][:, :, None] - slopes[1][:, None, :])
+    return np.asarray(settings.gradient * np.minimum(differences / settings.gradient_limit, 1))
 
 
 class CostTerm(NamedTuple):
@@ -278,7 +282,7 @@ TERMS = (
 
 
 class Scale(NamedTuple):
-    """Numbers that turn a count of at most `cap` into parts of cost: ``(min(count, cap) * shift * factor) >> 16``."""
+    """Factors that convert a count into parts of cost: ``(min(count, cap) * shift * factor) >> 16``."""
 
     cap: int
     shift: int
@@ -289,24 +293,24 @@ class Scale(NamedTuple):
     def of(weight: int, cap: int) -> Scale:
         """Return the scale at which a count of `cap` costs `weight`."""
         shift = 1 << (16 - cap.bit_length())
-        return Scale(cap, shift, round(weight * PARTS / cap * 2**16 / shift))
+        return Scale(cap, shift, round(weight * PARTS_PER_COST / cap * 2**16 / shift))
 
 
 class Weights(NamedTuple):
-    """The settings as the loop takes them."""
+    """The settings in the form that the loop needs."""
 
     half: float
     """Cost of a correlation of 0, in parts."""
     census: Scale
     gradient: Scale
-    unseen: int
+    out_of_frame: int
     """Cost of a lag that leads out of the frame."""
 
 
 NOT_TRIED = 255
-"""Cost of the lags after the last one tried, above :data:`MOST`: no path ends there, nor leads there and back."""
+"""Cost of the lags after the last one tried, above :data:`MAX_COST`, so that no path ends there or passes through."""
 
-UNSEEN = 0.28
+OUT_OF_FRAME_SHARE = 0.28
 """Cost of a lag that leads out of the frame, as a share of the highest cost: between a good match and a mismatch."""
 
 
@@ -322,7 +326,7 @@ def matching_cost(
     """Return the cost of every pixel of the left image at every disparity.
 
     The cost is the sum of ZNCC on windows, truncated gradient difference, and Hamming distance of census words:
-    correlation handles flat and noisy regions, the other two sharpen the edges that a window blurs (Hirschmüller &
+    correlation handles flat and noisy regions; the other two sharpen the edges that a window blurs (Hirschmüller &
     Scharstein, "Evaluation of stereo matching costs on images with radiometric differences", 2009; Mei et al., "On
     building an accurate stereo matching system on graphics hardware", 2011). A lag that leads out of the frame costs
     more than a match and less than a mismatch, so that the optimisation extends the neighbours' disparity to the border
@@ -349,12 +353,12 @@ def matching_cost(
     before, after = max(0, -min_disparity), max(0, min_disparity + lanes - 1)
     here, there = in_threads([partial(features, left, radius), partial(right_features, right, radius, before, after)])
     weights = Weights(
-        half=settings.correlation * PARTS / 2,
-        census=Scale.of(settings.census, BITS),
+        half=settings.correlation * PARTS_PER_COST / 2,
+        census=Scale.of(settings.census, CENSUS_BITS),
         gradient=Scale.of(settings.gradient, settings.gradient_limit * SOBEL_UNIT),
-        unseen=int(UNSEEN * settings.highest),
+        out_of_frame=int(OUT_OF_FRAME_SHARE * settings.highest),
     )
-    # The column of the right features that column 0 meets at the first lag.
+    # The column of the right features that column 0 is compared with at the first lag.
     origin = left.shape[1] - 1 + before + min_disparity
     lags = min_disparity, num_disparities
     costs = volume((*left.shape, lanes), np.uint8)
@@ -388,7 +392,7 @@ def cost_rows(
     tried
         Disparity of the first lag, px, and number of lags.
     origin
-        Column of the right features that column 0 of the left image meets at the first lag.
+        Column of the right features that column 0 of the left image is compared with at the first lag.
     weights
         The settings.
     costs
@@ -412,9 +416,9 @@ def cost_rows(
             # Lag k leads to ``column - k`` of the right image.
             column = x - tried[0]
             if column < tried[1] - 1:
-                fill(costs[y, x, max(0, column + 1) :], weights.unseen)
+                fill(costs[y, x, max(0, column + 1) :], weights.out_of_frame)
             if column >= width:
-                fill(costs[y, x, : column - width + 1], weights.unseen)
+                fill(costs[y, x, : column - width + 1], weights.out_of_frame)
             if tried[1] < lags:
                 fill(costs[y, x, tried[1] :], NOT_TRIED)
 
@@ -432,7 +436,7 @@ def _cost_row(
     window: Array,
     costs: Costs,
 ) -> None:
-    """Set the costs of a row: a level of the row above the window leaves each column if `leaves`."""
+    """Set the costs of a row; if `leaves`, the level above the window leaves each column."""
     levels, totals, inverses, gradients, words, high_words = left
     right_levels, right_totals, right_inverses, right_gradients, right_words, right_high_words = right
     width, side = costs.shape[1], 2 * radius + 1
@@ -440,8 +444,9 @@ def _cost_row(
     lags = window.size
     stride = width + side - 1
     half = splat(weights.half, np.float32)
-    whole, rounded = splat(8, np.uint16), splat(PARTS // 2 + 1, np.uint16)  # 1 for the fractions that the terms lose
-    steepest, gradient_shift = splat(weights.gradient.cap, np.uint16), splat(weights.gradient.shift, np.uint16)
+    # The shift truncates; half a unit makes it round, and 1 makes up for the fractions that the terms lose.
+    shift, half_unit = splat(8, np.uint16), splat(PARTS_PER_COST // 2 + 1, np.uint16)
+    gradient_cap, gradient_shift = splat(weights.gradient.cap, np.uint16), splat(weights.gradient.shift, np.uint16)
     gradient_factor = splat(weights.gradient.factor, np.uint16)
     bits_shift, bits_factor = splat(weights.census.shift, np.uint16), splat(weights.census.factor, np.uint16)
     bottom = y + side - 1
@@ -473,18 +478,18 @@ def _cost_row(
             store(window, lag, products - load(columns, gone + lag))
             covariance = cast(products, np.float32) - mean * load(right_totals, there + lag)
             uncorrelated = half - covariance * scale * load(right_inverses, there + lag)
-            steeper = load(right_gradients, there + lag)
-            apart = smaller(cast(larger(gradient - steeper, steeper - gradient), np.uint16), steepest)
+            other = load(right_gradients, there + lag)
+            difference = smaller(cast(larger(gradient - other, other - gradient), np.uint16), gradient_cap)
             differing = summed_bit_counts(
                 word ^ load(right_words, there + lag), high_word ^ load(right_high_words, there + lag)
             )
             total = (
                 cast(cast(uncorrelated, np.int32), np.uint16)
-                + high_product(apart * gradient_shift, gradient_factor)
+                + high_product(difference * gradient_shift, gradient_factor)
                 + high_product(differing * bits_shift, bits_factor)
-                + rounded
+                + half_unit
             )
-            store(costs, place * lags + lag, cast(total >> whole, np.uint8))
+            store(costs, place * lags + lag, cast(total >> shift, np.uint8))
 
 
 def cost_reference(
@@ -493,12 +498,12 @@ def cost_reference(
     radius: int,
     smallest: int,
     count: int,
-    unseen: int,
+    out_of_frame: int,
     settings: MatchingCost,
 ) -> Volume:
     """Return the (H, W, count) costs expected of :func:`cost_rows` before rounding, computed with plain NumPy."""
     summed = sum(term.reference(left, right, radius, settings) for term in TERMS)
     x = np.arange(left.shape[1])
     other = x[:, None] - smallest - np.arange(count)
-    seen = (other >= 0) & (other < left.shape[1])
-    return np.where(seen, np.asarray(summed)[:, x[:, None], np.where(seen, other, 0)], float(unseen))
+    inside = (other >= 0) & (other < left.shape[1])
+    return np.where(inside, np.asarray(summed)[:, x[:, None], np.where(inside, other, 0)], float(out_of_frame))

@@ -1,4 +1,4 @@
-"""Peaks at the ends of the search, whose outer neighbours the cost volume lacks."""
+"""Peaks at the ends of the search, which lack a neighbour in the cost volume."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from stereolag.core.arrays import Array, FloatMap, Mask
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
 from stereolag.loops.vector_lanes import item
-from stereolag.stereo.semi_global.cost import NOISE, EightBit
+from stereolag.stereo.semi_global.cost import NOISE_GREYS, EightBit
 
-LEAST_SCORE = 0.01
-"""Scores below this count as this much, so that all have a logarithm."""
+MIN_SCORE = 0.01
+"""Lower scores are raised to this, so that all have a logarithm."""
 
 
 def peaks_at_end(
@@ -24,9 +24,9 @@ def peaks_at_end(
 ) -> tuple[Mask, FloatMap]:
     """Return where windows correlate no worse at a disparity than one px to either side, and the offset of the peak.
 
-    One lag more on either side would make the whole volume slower to fill and to optimise by a quarter, since its lags
-    are processed in strips of sixteen. Few pixels are matched at an end of the search, and there, with no path to
-    compare, the correlation alone tells where the peak is: by a Gaussian through its three scores.
+    One more lag on either side would make the whole volume a quarter slower to fill and to optimise, since its lags are
+    processed in strips of sixteen. Few pixels are matched at an end of the search. There, without path costs to
+    compare, the peak is located by the correlation alone: by a Gaussian through its three scores.
 
     Parameters
     ----------
@@ -74,16 +74,16 @@ def fit_ends(
         for x in range(low, high):
             if where[y, x]:
                 top, bottom, begin, stop = min(top, y), y + 1, min(begin, x), max(stop, x + 1)
-    # By column of the part of the left image that is compared: its levels and their squares, then those that it meets
-    # one px beyond, at and before the disparity, and the products.
+    # Sums for each column of the compared part: the left levels and their squares, the right levels and their squares,
+    # and the products one px below, at and above the disparity.
     columns = max(0, stop - begin) + window - 1
     sums, scores, ones = np.zeros((7, columns + 2), np.int32), np.empty(3), np.ones(columns + 2, np.int16)
-    meets = begin - disparity - 1
+    right_begin = begin - disparity - 1
     for y in range(top, bottom):
         if y > top:
-            _add_row(left, right, y - 1, begin, meets, -1, ones, sums)
+            _add_row(left, right, y - 1, begin, right_begin, -1, ones, sums)
         for row in range(y if y == top else y + window - 1, y + window):
-            _add_row(left, right, row, begin, meets, 1, ones, sums)
+            _add_row(left, right, row, begin, right_begin, 1, ones, sums)
         for x in range(begin, stop):
             if not where[y, x]:
                 continue
@@ -102,17 +102,19 @@ def fit_ends(
 
 @compiled
 def _logarithm(score: float) -> float:
-    return math.log(max(score, LEAST_SCORE))
+    return math.log(max(score, MIN_SCORE))
 
 
 @compiled
-def _add_row(left: Array, right: Array, row: int, begin: int, meets: int, sign: int, ones: Array, sums: Array) -> None:
-    """Add a row, times `sign`, to the sums: from column `begin` of the left image and column `meets` of the right on.
+def _add_row(
+    left: Array, right: Array, row: int, begin: int, right_begin: int, sign: int, ones: Array, sums: Array
+) -> None:
+    """Add a row, times `sign`, to the sums, from column `begin` of the left and `right_begin` of the right image on.
 
-    A plain product of two rows is what the compiler turns into vector instructions.
+    The compiler vectorises plain products of two rows.
     """
     size = sums.shape[1]
-    here, there = left[row][begin : begin + size - 2], right[row][meets : meets + size]
+    here, there = left[row][begin : begin + size - 2], right[row][right_begin : right_begin + size]
     _add_products(here, ones, sign, sums[0, : size - 2])
     _add_products(here, here, sign, sums[1, : size - 2])
     _add_products(there, ones, sign, sums[2])
@@ -137,10 +139,10 @@ def _total(sums: Array, one: int, x: int, window: int) -> Any:
 
 @compiled
 def _spread(sums: Array, one: int, x: int, window: int) -> tuple[float, float]:
-    """Return the mean and the deviation, with noise, of a window: of sums `one` over its columns, and their squares."""
+    """Return the mean and the deviation with noise of a window, from column sums `one` and the sums of squares next."""
     area = window * window
     mean = _total(sums, one, x, window) / area
-    return mean, math.sqrt(_total(sums, one + 1, x, window) / area - mean * mean + NOISE**2)
+    return mean, math.sqrt(_total(sums, one + 1, x, window) / area - mean * mean + NOISE_GREYS**2)
 
 
 def fit_ends_reference(left: Array, right: Array, disparity: int, where: Mask, inside: Mask, offset: FloatMap) -> None:
@@ -151,9 +153,11 @@ def fit_ends_reference(left: Array, right: Array, disparity: int, where: Mask, i
         if not 0 <= x - disparity - 1 <= x - disparity + 1 < width:
             continue
         here, *others = views[0][y, x], *(views[1][y, x - disparity - beside] for beside in (-1, 0, 1))
-        norm = math.sqrt(here.var() + NOISE**2)
-        scores = [np.mean((here - here.mean()) * one) / (norm * math.sqrt(one.var() + NOISE**2)) for one in others]
+        norm = math.sqrt(here.var() + NOISE_GREYS**2)
+        scores = [
+            np.mean((here - here.mean()) * one) / (norm * math.sqrt(one.var() + NOISE_GREYS**2)) for one in others
+        ]
         inside[y, x] = scores[1] >= max(scores)
-        before, peak, after = np.log(np.maximum(scores, LEAST_SCORE))
+        before, peak, after = np.log(np.maximum(scores, MIN_SCORE))
         bend = 2 * peak - before - after
         offset[y, x] = (after - before) / (2 * bend) if inside[y, x] and bend > 0 else 0.0

@@ -1,4 +1,4 @@
-"""Semi-global matching: the settings, and the sequence of stages from the cost volume to the finished map."""
+"""Semi-global matching: the settings, and the stages from the cost volume to the finished map."""
 
 from __future__ import annotations
 
@@ -41,29 +41,29 @@ from stereolag.stereo.semi_global.optimisation import (
     place_valleys,
 )
 
-BYTES_OF_A_CELL = 3
+BYTES_PER_CELL = 3
 """Bytes per pixel and lag: one for the cost and two for the path costs."""
 
-MOST_BYTES = 460 * 2**20
-"""A larger volume is processed in strips of rows."""
+MAX_VOLUME_BYTES = 460 * 2**20
+"""Size above which a volume is processed in strips of rows."""
 
 COST_SHARE, PATHS_SHARE = 0.3, 0.5
 """Shares of a strip's time spent on costs and on paths."""
 
 OVERLAP = 24
-"""Rows that a strip reads beyond its own, so that paths have settled where its own rows begin."""
+"""Rows that a strip reads beyond its own at either end, so that paths have settled where its own rows begin."""
 
 
-def strips(height: int, bytes_of_a_row: int) -> Iterator[tuple[int, int]]:
-    """Yield (first, end) of strips of rows, each small enough for its volume to fit in MOST_BYTES."""
-    rows = max(1, MOST_BYTES // bytes_of_a_row - 2 * OVERLAP)
-    if height * bytes_of_a_row <= MOST_BYTES:
+def strips(height: int, row_bytes: int) -> Iterator[tuple[int, int]]:
+    """Yield (first, end) of strips of rows, each small enough for its volume to fit in MAX_VOLUME_BYTES."""
+    rows = max(1, MAX_VOLUME_BYTES // row_bytes - 2 * OVERLAP)
+    if height * row_bytes <= MAX_VOLUME_BYTES:
         rows = height
     for first in range(0, height, rows):
         yield first, min(height, first + rows)
 
 
-FEATURES = 66
+FEATURE_BYTES_PER_PX = 66
 """Bytes per pixel while the features of both images are computed."""
 
 
@@ -71,8 +71,8 @@ class SemiGlobalMatcher(StereoMatcher):
     """Matcher that weighs each match against its neighbours' along eight paths, instead of taking each pixel's best.
 
     H. Hirschmüller, "Stereo processing by semiglobal matching and mutual information", 2008, with a cost that combines
-    window correlation, census and gradient. The later stages are off by default; :func:`stereolag.preset` returns
-    matchers with them on.
+    window correlation, census and gradient. The later stages are off by default; :func:`stereolag.preset` turns them
+    on.
 
     Examples
     --------
@@ -129,16 +129,16 @@ class SemiGlobalMatcher(StereoMatcher):
         """Return the memory and time of :meth:`compute` for images of a shape (rows, cols[, channels]) and dtype."""
         (height, width), pixels = shape[:2], shape[0] * shape[1]
         lags = width * lanes_for(self.num_disparities)
-        _, own = next(strips(height, lags * BYTES_OF_A_CELL))
+        _, own = next(strips(height, lags * BYTES_PER_CELL))
         strip = min(height, own + 2 * OVERLAP)
-        features = FEATURES * (width + self.num_disparities) + lags
+        features = FEATURE_BYTES_PER_PX * (width + self.num_disparities) + lags
         return COSTS["semi-global"].estimate(
             grey=grey_bytes(shape, dtype),
             pixels=pixels,
             # The matches of a strip, with the rows shared with its neighbours, are kept until all strips are joined.
             matches=pixels * strip / own,
             fronts=(width + strip + 2) * cell_size(self.num_disparities),
-            strip=strip * max(BYTES_OF_A_CELL * lags, features),
+            strip=strip * max(BYTES_PER_CELL * lags, features),
             cells=lags * height * strip / own,
         )
 
@@ -159,11 +159,11 @@ class SemiGlobalMatcher(StereoMatcher):
             # Disparity 0 is infinity: a physical limit, not an edge of the search.
             is_edge = end > 0 or self.min_disparity != 0
             fits = reason != np.uint8(Reason.OUT_OF_FRAME) if is_edge else reason == np.uint8(Reason.MEASURED)
-            asked = (found.lag == end) & fits
-            inside, beside = peaks_at_end(*levels, self.window_size, self.min_disparity + end, asked)
-            offset += beside
+            at_end = (found.lag == end) & fits
+            inside, end_offset = peaks_at_end(*levels, self.window_size, self.min_disparity + end, at_end)
+            offset += end_offset
             if is_edge:
-                np.copyto(reason, np.uint8(Reason.AT_SEARCH_EDGE), where=asked & ~inside)
+                np.copyto(reason, np.uint8(Reason.AT_SEARCH_EDGE), where=at_end & ~inside)
         np.copyto(reason, np.uint8(Reason.LOW_TEXTURE), where=self._flat(grey))
         over_bands(
             lambda first, end: place_valleys(
@@ -180,7 +180,7 @@ class SemiGlobalMatcher(StereoMatcher):
         """
         height, width = left.shape
         parts = []
-        for first, end in strips(height, width * lanes_for(self.num_disparities) * BYTES_OF_A_CELL):
+        for first, end in strips(height, width * lanes_for(self.num_disparities) * BYTES_PER_CELL):
             top = max(0, first - OVERLAP)
             rows = slice(top, end + OVERLAP)
 
@@ -188,8 +188,8 @@ class SemiGlobalMatcher(StereoMatcher):
                 progress((first + done * (end - first)) / height)
 
             found = self._of_strip(left[rows], right[rows], within)
-            parts.append([one[..., first - top : end - top, :] for one in found])
-        joined = parts[0] if len(parts) == 1 else [np.concatenate(each, axis=-2) for each in zip(*parts, strict=True)]
+            parts.append([values[..., first - top : end - top, :] for values in found])
+        joined = parts[0] if len(parts) == 1 else [np.concatenate(maps, axis=-2) for maps in zip(*parts, strict=True)]
         return CheapestLags(*joined)
 
     def _of_strip(self, left: EightBit, right: EightBit, progress: Progress) -> CheapestLags:
@@ -208,10 +208,10 @@ class SemiGlobalMatcher(StereoMatcher):
         return found
 
     def _flat(self, grey: tuple[Image, Image]) -> Mask:
-        """Return where the left image's window has too little texture to match."""
+        """Return the mask of pixels whose window in the left image has too little texture to match."""
         if self.texture is not None or grey[0].dtype != np.uint8:
             return local_deviation(grey[0], self.window_size) <= least_texture(self.texture, *grey)
-        # Without a test only windows of one level are flat; those of whole numbers are found much sooner.
+        # Without a test only windows of one level are flat; in uint8 images they are found much faster.
         element, border = np.ones((self.window_size, self.window_size), np.uint8), cv2.BORDER_REFLECT_101
         lowest = cv2.erode(grey[0], element, borderType=border)
         return np.asarray(lowest == cv2.dilate(grey[0], element, borderType=border))
@@ -226,9 +226,9 @@ class SemiGlobalMatcher(StereoMatcher):
             reason = disagree.view(np.uint8) * np.uint8(Reason.LEFT_RIGHT)  # MEASURED is 0
         if self.ambiguity is not None:
             lead = found.runner_up - found.around[1]
-            level = (found.runner_up >= 0) & (lead < round(self.ambiguity.lead * highest))
-            reason = np.where(level, np.uint8(Reason.AMBIGUOUS), reason)
+            ambiguous = (found.runner_up >= 0) & (lead < round(self.ambiguity.lead * highest))
+            reason = np.where(ambiguous, np.uint8(Reason.AMBIGUOUS), reason)
         match = np.arange(lag.shape[1], dtype=np.int16) + dx
-        outside = match.view(np.uint16) >= lag.shape[1]  # negative ones are large
+        outside = match.view(np.uint16) >= lag.shape[1]  # negative numbers become large
         np.copyto(reason, np.uint8(Reason.OUT_OF_FRAME), where=outside)
         return reason

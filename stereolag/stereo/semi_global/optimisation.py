@@ -1,4 +1,4 @@
-"""Semi-global optimisation: the cheapest way to each lag along straight paths, and the lag that is cheapest."""
+"""Semi-global optimisation: the cost of each lag along straight paths, and the lag with the lowest sum."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ Span = tuple[int, int]
 PATHS = 8
 """Number of paths that reach a pixel."""
 
-WALL = 30_000
-"""Cost that keeps paths out of the lags beyond either end; twice this still fits in 16 bits."""
+WALL_COST = 30_000
+"""Cost that keeps paths from lags beyond either end; twice this still fits in 16 bits."""
 
-CELLS_AT_ONCE = 40_000_000
+CELLS_PER_REPORT = 40_000_000
 """Pixels times lags between two progress calls: a few hundredths of a second."""
 
 
@@ -76,7 +76,7 @@ class SemiGlobal(Settings):
     edge_contrast: int = Field(
         default=40,
         title="Strong edge",
-        description="Step between two pixels, grey levels of 255, that counts as a strong edge.",
+        description="PathStep between two pixels, grey levels of 255, that counts as a strong edge.",
         ge=1,
         le=255,
     )
@@ -107,14 +107,14 @@ def optimise(costs: Costs, guide: Pixels, settings: SemiGlobal, progress: Progre
     ``L(p, d) = C(p, d) + min(L(q, d), L(q, d ± 1) + small, min L(q) + large) - min L(q)``, where q = p - r. The penalty
     `large` of a jump falls with the grey-level step that the path crosses.
 
-    Two simultaneous sweeps, one downwards and one upwards, carry four paths each. Until they meet in the middle, each
-    sets the sums of its rows; after that, each adds to the sums of the other, so that one volume is enough.
+    Two simultaneous sweeps, one downwards and one upwards, extend four paths each. Until they meet in the middle, each
+    sets the sums of its rows; after that, each adds to the sums set by the other, so that one volume is enough.
 
     Parameters
     ----------
     costs
-        (H, W, D) uint8 matching cost in whole strips of sixteen lags, at most 250; the lags after the last one tried
-        cost more. With the largest penalty a cost stays below 4096, so that eight paths fit in 16 bits.
+        (H, W, D) uint8 matching cost in whole strips of sixteen lags, at most 250, but more for the lags after the last
+        one tried. With the largest penalty a path cost stays below 4096, so that eight paths fit in 16 bits.
     guide
         (H, W) uint8, the left image.
     settings
@@ -131,7 +131,7 @@ def optimise(costs: Costs, guide: Pixels, settings: SemiGlobal, progress: Progre
     sums = volume(costs.shape, np.uint16)
     guide, penalties = np.ascontiguousarray(guide), (settings.penalty_small, settings.jumps)
     fronts = front(height, width, lags), front(height, width, lags)
-    for spans, adds in _spans(height, max(1, CELLS_AT_ONCE // (width * lags))):
+    for spans, adds in _spans(height, max(1, CELLS_PER_REPORT // (width * lags))):
         given = costs, guide, penalties
         in_threads([partial(_sweep, *given, up == 1, adds, *spans[up], fronts[up], sums) for up in (0, 1)])
         progress(spans[0][1] / height)
@@ -148,70 +148,70 @@ def _spans(height: int, rows: int) -> Iterator[tuple[tuple[Span, Span], bool]]:
         ((0, middle), (0, height - middle), False),
         ((middle, height), (height - middle, height), True),
     ):
-        steps = -(-max(down[1] - down[0], up[1] - up[0]) // rows)
-        for step in range(steps):
-            yield (_share(down, step, steps), _share(up, step, steps)), adds
+        parts = -(-max(down[1] - down[0], up[1] - up[0]) // rows)
+        for part in range(parts):
+            yield (_part_of(down, part, parts), _part_of(up, part, parts)), adds
 
 
-def _share(span: Span, step: int, steps: int) -> Span:
-    """Return one of `steps` nearly equal parts of a span."""
+def _part_of(span: Span, part: int, parts: int) -> Span:
+    """Return one of several nearly equal parts of a span."""
     rows = span[1] - span[0]
-    return span[0] + rows * step // steps, span[0] + rows * (step + 1) // steps
+    return span[0] + rows * part // parts, span[0] + rows * (part + 1) // parts
 
 
-class Step(NamedTuple):
-    """One path at one pixel: where it comes from, and what is the same at every lag."""
+class PathStep(NamedTuple):
+    """One path at one pixel: its previous pixel, and the costs that are the same at every lag."""
 
     before: int
-    """Place of the first lag of the pixel before it, in the front."""
-    least: Any
+    """Place of the first lag of the previous pixel, in the front."""
+    lowest: Any
     """Lowest cost there, in sixteen lanes."""
     jump: Any
-    """`least` plus the large penalty."""
+    """`lowest` plus the large penalty."""
 
 
 @compiled
-def _step(paths: Array, before: int, penalty: Any) -> Step:
-    least = item(paths, before + LEAST)
-    return Step(before, splat(least, np.uint16), splat(np.uint16(least + penalty), np.uint16))
+def _step(paths: Array, before: int, penalty: Any) -> PathStep:
+    lowest = item(paths, before + LOWEST_COST_PLACE)
+    return PathStep(before, splat(lowest, np.uint16), splat(np.uint16(lowest + penalty), np.uint16))
 
 
 @compiled
-def _carry(paths: Array, step: Step, here: int, lag: int, cost: Any, small: Any) -> Any:
+def _extend(paths: Array, step: PathStep, here: int, lag: int, cost: Any, small: Any) -> Any:
     """Extend one path to the place `here` at sixteen lags, and return their costs."""
     at = step.before + lag
-    beside = smaller(load(paths, at - 1), load(paths, at + 1)) + small
-    carried = smaller(smaller(load(paths, at), beside), step.jump) - step.least + cost
-    store(paths, here + lag, carried)
-    return carried
+    slanted = smaller(load(paths, at - 1), load(paths, at + 1)) + small
+    extended = smaller(smaller(load(paths, at), slanted), step.jump) - step.lowest + cost
+    store(paths, here + lag, extended)
+    return extended
 
 
 @compiled
-def _carry_four(
+def _extend_four(
     paths: Array,
     steps: tuple[Any, ...],
     places: tuple[Any, ...],
     lag: int,
     cost: Any,
     small: Any,
-    least: tuple[Any, ...],
+    lowest: tuple[Any, ...],
 ) -> Any:
     """Extend the four paths at sixteen lags, and return the sum of their costs, and the lowest costs so far."""
-    along = _carry(paths, steps[0], places[0], lag, cost, small)
-    from_behind = _carry(paths, steps[1], places[1], lag, cost, small)
-    from_above = _carry(paths, steps[2], places[2], lag, cost, small)
-    from_ahead = _carry(paths, steps[3], places[3], lag, cost, small)
-    lowest = (
-        smaller(least[0], along),
-        smaller(least[1], from_behind),
-        smaller(least[2], from_above),
-        smaller(least[3], from_ahead),
+    along = _extend(paths, steps[0], places[0], lag, cost, small)
+    from_behind = _extend(paths, steps[1], places[1], lag, cost, small)
+    from_above = _extend(paths, steps[2], places[2], lag, cost, small)
+    from_ahead = _extend(paths, steps[3], places[3], lag, cost, small)
+    new_lowest = (
+        smaller(lowest[0], along),
+        smaller(lowest[1], from_behind),
+        smaller(lowest[2], from_above),
+        smaller(lowest[3], from_ahead),
     )
-    return (along + from_behind) + (from_above + from_ahead), lowest
+    return (along + from_behind) + (from_above + from_ahead), new_lowest
 
 
-LEAST = -LANES // 2
-"""Place of the lowest cost of a path's cell, from its first lag; between cells there is room for sixteen numbers."""
+LOWEST_COST_PLACE = -LANES // 2
+"""Place of the lowest cost of a cell, relative to its first lag, in the sixteen numbers between two cells."""
 
 
 def cell_size(lags: int) -> int:
@@ -220,16 +220,16 @@ def cell_size(lags: int) -> int:
 
 
 def front(height: int, width: int, lags: int) -> Sums:
-    """Return the costs of the paths of a sweep that has not started, with walls between the cells.
+    """Return the initial path costs of a sweep, with walls between the cells.
 
-    It has cells for the path along the row, at two pixels, then for three paths at every pixel. A row is written one
-    cell below the one it continues: over cells that are no longer needed, so that what is in use fits in a core's
-    cache. The cells of the path from behind thus start two cells lower in every row, and those of the path from above
-    one, as ``_starts`` says.
+    There are cells for the path along the row, at two pixels, then for the three other paths at every pixel. A row is
+    written one cell below the previous one, over cells that are no longer needed, so that the cells in use fit in a
+    core's cache. Hence the cells of the path from behind start two cells lower in every row, and those of the path from
+    above one cell (:func:`_starts`).
     """
     size = cell_size(lags)
     paths = np.zeros((2 + 3 * (height + width + 2)) * size + LANES, np.uint16)
-    paths[::size], paths[LANES - 1 :: size] = WALL, WALL
+    paths[::size], paths[LANES - 1 :: size] = WALL_COST, WALL_COST
     return paths
 
 
@@ -266,10 +266,10 @@ def _sweep(
         y = height - 1 - i if backwards else i
         _price_jumps(guide2, large, y, y if i == 0 else (y + 1 if backwards else y - 1), backwards, jumps)
         starts = _starts(height, width, i)
-        # Two cells in turn; before the first pixel there is nothing, as before the first row.
+        # Two cells in turn; before the first pixel all costs are 0, as before the first row.
         here, before = LANES, LANES + size
         fill(paths[before : before + size - LANES], 0)
-        paths[before + LEAST] = 0
+        paths[before + LOWEST_COST_PLACE] = 0
         places = here, starts[0] * size + LANES, starts[1] * size + LANES, starts[2] * size + LANES
         at, ahead = y * width * lags, lags
         if backwards:
@@ -281,16 +281,16 @@ def _sweep(
                 _step(paths, places[2] + size, item(jumps, j + 2)),
                 _step(paths, places[3] + size, item(jumps, j + 3)),
             )
-            least = most, most, most, most
+            lowest = most, most, most, most
             for lag in range(0, lags, LANES):
-                four, least = _carry_four(
-                    paths, steps, places, lag, cast(load(costs, at + lag), np.uint16), small, least
+                four, lowest = _extend_four(
+                    paths, steps, places, lag, cast(load(costs, at + lag), np.uint16), small, lowest
                 )
                 store(sums, at + lag, four + load(sums, at + lag) if adds else four)
-            put(paths, places[0] + LEAST, smallest(least[0]))
-            put(paths, places[1] + LEAST, smallest(least[1]))
-            put(paths, places[2] + LEAST, smallest(least[2]))
-            put(paths, places[3] + LEAST, smallest(least[3]))
+            put(paths, places[0] + LOWEST_COST_PLACE, smallest(lowest[0]))
+            put(paths, places[1] + LOWEST_COST_PLACE, smallest(lowest[1]))
+            put(paths, places[2] + LOWEST_COST_PLACE, smallest(lowest[2]))
+            put(paths, places[3] + LOWEST_COST_PLACE, smallest(lowest[3]))
             here, before, at = before, here, at + ahead
             places = here, places[1] + size, places[2] + size, places[3] + size
 
@@ -306,14 +306,14 @@ def _price_jumps(guide: Pixels, large: Array, y: int, previous: int, backwards: 
             max(x - 1, 0) if backwards else min(x + 1, last),
         )
         level = guide[y, x]
-        jumps[4 * j] = large[_apart(level, guide[y, behind])]
-        jumps[4 * j + 1] = large[_apart(level, guide[previous, behind])]
-        jumps[4 * j + 2] = large[_apart(level, guide[previous, x])]
-        jumps[4 * j + 3] = large[_apart(level, guide[previous, ahead])]
+        jumps[4 * j] = large[_grey_step(level, guide[y, behind])]
+        jumps[4 * j + 1] = large[_grey_step(level, guide[previous, behind])]
+        jumps[4 * j + 2] = large[_grey_step(level, guide[previous, x])]
+        jumps[4 * j + 3] = large[_grey_step(level, guide[previous, ahead])]
 
 
 @compiled
-def _apart(one: Any, other: Any) -> Any:
+def _grey_step(one: Any, other: Any) -> Any:
     """Return the absolute difference of two grey levels."""
     return np.intp(max(one, other)) - np.intp(min(one, other))
 
@@ -324,35 +324,35 @@ def optimise_reference(costs: Costs, guide: Pixels, settings: SemiGlobal) -> npt
     total, large = np.zeros(costs.shape, np.int64), settings.jumps
     for dy, dx in ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)):
         path = np.zeros((height + 2, width + 2, lags + 2), np.int64)
-        path[:, :, [0, -1]] = WALL
+        path[:, :, [0, -1]] = WALL_COST
         for y in range(height)[:: dy or 1]:
             for x in range(width)[:: dx or 1]:
                 before = path[y + 1 - dy, x + 1 - dx]
                 inside = 0 <= y - dy < height and 0 <= x - dx < width
                 step = abs(int(guide[y, x]) - int(guide[y - dy, x - dx])) if inside else 0
-                least = before[1:-1].min()
-                beside = np.minimum(before[:-2], before[2:]) + settings.penalty_small
-                best = np.minimum(np.minimum(before[1:-1], beside), least + int(large[step]))
-                path[y + 1, x + 1, 1:-1] = costs[y, x] + best - least
+                lowest = before[1:-1].min()
+                slanted = np.minimum(before[:-2], before[2:]) + settings.penalty_small
+                best = np.minimum(np.minimum(before[1:-1], slanted), lowest + int(large[step]))
+                path[y + 1, x + 1, 1:-1] = costs[y, x] + best - lowest
         total += path[1:-1, 1:-1, 1:-1]
     return total
 
 
-NONE = 65535
-"""Above any sum of costs."""
+NO_COST = 65535
+"""Marks the absence of a cost: above any sum of costs."""
 
 
 class CheapestLags(NamedTuple):
     """Cheapest lags of every pixel, and their costs."""
 
     lag: npt.NDArray[np.int16]
-    """(H, W) index of the cheapest lag; the first of equal ones."""
+    """(H, W) index of the cheapest lag, the first of equally cheap ones."""
     around: npt.NDArray[np.int32]
     """(3, H, W) cost at the lag before the cheapest, at the cheapest and at the one after; -1 if there is none."""
     runner_up: npt.NDArray[np.int32]
-    """(H, W) lowest cost among lags more than one away from the cheapest; -1 if there is none. Empty if not wanted."""
+    """(H, W) lowest cost more than one lag away from the cheapest; -1 if there is none. Empty if not requested."""
     right_lag: npt.NDArray[np.int16]
-    """(H, W) index of the cheapest lag of the right image's pixel; NO_MATCH if it has none."""
+    """(H, W) index of the cheapest lag of each pixel of the right image; NO_MATCH if it has none."""
 
 
 def cheapest_lags(sums: Sums, smallest: int, count: int, *, runner_up: bool = True) -> CheapestLags:
@@ -365,9 +365,9 @@ def cheapest_lags(sums: Sums, smallest: int, count: int, *, runner_up: bool = Tr
     smallest
         Disparity of the first lag, px: lag k pairs column x on the left with ``x - smallest - k`` on the right.
     count
-        Number of lags tried; any after them cost more.
+        Number of lags tried; those after them cost more.
     runner_up
-        Whether the runners-up are wanted.
+        Whether to also find the runners-up.
     """
     height, width = sums.shape[:2]
     found = CheapestLags(
@@ -384,30 +384,30 @@ def cheapest_lags(sums: Sums, smallest: int, count: int, *, runner_up: bool = Tr
 def _cheapest_rows(sums3: Sums, shift: int, count: int, first: int, end: int, found: CheapestLags) -> None:
     """Find the cheapest lags of rows `first` to `end`, sixteen at once; lag k leads from column x to ``x - shift - k``.
 
-    What the right image has seen is kept by lag: from one pixel to the next, each of its pixels moves on by one lag.
-    Kept by its own columns, every load would wait for two stores.
+    The lowest costs of the right image's pixels are kept by lag: from one left pixel to the next, each of them moves on
+    by one lag. If they were kept by column, every load would wait for two stores.
     """
     lag_found, around, runner_up, right_lag = found
     height, width, lags = sums3.shape
     pixels = height * width
     sums, numbers = sums3.reshape(-1), np.arange(lags).astype(np.uint16)
-    seen, seen_lag = np.empty(lags, np.uint16), np.zeros(lags, np.uint16)
-    none = splat(NONE, np.uint16)
+    right_cost, right_cost_lag = np.empty(lags, np.uint16), np.zeros(lags, np.uint16)
+    none = splat(NO_COST, np.uint16)
     for y in range(first, end):
-        fill(seen, NONE)
+        fill(right_cost, NO_COST)
         fill(right_lag[y], NO_MATCH)
         for x in range(width):
             place = (y * width + x) * lags
             least, least_lag, before, before_lag = none, none, none, none
             for lag in range(0, lags, LANES):
                 cost = load(sums, place + lag)
-                number, here, here_lag = load(numbers, lag), load(seen, lag), load(seen_lag, lag)
+                number, here, here_lag = load(numbers, lag), load(right_cost, lag), load(right_cost_lag, lag)
                 lowest = smaller(least, cost)
                 least, least_lag = lowest, where_equal(lowest, least, least_lag, number)
                 moved = preceding(before, here)
                 lowest = smaller(moved, cost)
-                store(seen, lag, lowest)
-                store(seen_lag, lag, where_equal(lowest, moved, preceding(before_lag, here_lag), number))
+                store(right_cost, lag, lowest)
+                store(right_cost_lag, lag, where_equal(lowest, moved, preceding(before_lag, here_lag), number))
                 before, before_lag = here, here_lag
             lowest_cost, pixel = smallest(least), y * width + x
             best = int(smallest(where_equal(least, splat(lowest_cost, np.uint16), least_lag, none)))
@@ -416,24 +416,25 @@ def _cheapest_rows(sums3: Sums, shift: int, count: int, first: int, end: int, fo
             put(around, pixel, np.int32(item(sums, place + best - 1)) if best > 0 else -1)
             put(around, 2 * pixels + pixel, np.int32(item(sums, place + best + 1)) if best < count - 1 else -1)
             if runner_up.size > 0:
-                beside = min(_least(sums, place, place + best - 1), _least(sums, place + best + 2, place + count))
-                put(runner_up, pixel, -1 if beside == NONE else np.int32(beside))
-            left = x - shift - count + 1  # a column of the right image that no further pixel meets
-            if 0 <= left < width:
-                put(right_lag, y * width + left, item(seen_lag, count - 1))
+                before_best = _lowest_cost(sums, place, place + best - 1)
+                second = min(before_best, _lowest_cost(sums, place + best + 2, place + count))
+                put(runner_up, pixel, -1 if second == NO_COST else np.int32(second))
+            done = x - shift - count + 1  # a column of the right image that no further pixel is compared with
+            if 0 <= done < width:
+                put(right_lag, y * width + done, item(right_cost_lag, count - 1))
         for lag in range(count - 1):
-            left = width - 1 - shift - lag
-            if 0 <= left < width:
-                put(right_lag, y * width + left, item(seen_lag, lag))
+            done = width - 1 - shift - lag
+            if 0 <= done < width:
+                put(right_lag, y * width + done, item(right_cost_lag, lag))
 
 
 @compiled
-def _least(sums: Array, first: int, end: int) -> Any:
-    """Return the lowest cost of a range of places, NONE if it is empty."""
-    least = np.uint16(NONE)
+def _lowest_cost(sums: Array, first: int, end: int) -> Any:
+    """Return the lowest cost of a range of places; NO_COST if it is empty."""
+    lowest = np.uint16(NO_COST)
     for place in range(first, end):
-        least = min(least, item(sums, place))
-    return least
+        lowest = min(lowest, item(sums, place))
+    return lowest
 
 
 def cheapest_lags_reference(sums: Sums, smallest: int) -> CheapestLags:
@@ -446,24 +447,24 @@ def cheapest_lags_reference(sums: Sums, smallest: int) -> CheapestLags:
     near = np.abs(np.arange(count) - lag[..., None]) <= 1
     runner_up = np.where(near, np.iinfo(np.int32).max, volume).min(axis=2)
     left_col = np.arange(width)[:, None] + smallest + np.arange(count)
-    seen = (left_col >= 0) & (left_col < width)
-    seen_from_right = np.where(seen, volume[:, np.where(seen, left_col, 0), np.arange(count)], np.iinfo(np.int32).max)
+    inside = (left_col >= 0) & (left_col < width)
+    right_volume = np.where(inside, volume[:, np.where(inside, left_col, 0), np.arange(count)], np.iinfo(np.int32).max)
     return CheapestLags(
         lag=lag.astype(np.int16),
         around=around,
         runner_up=np.where(near.all(axis=2), -1, runner_up).astype(np.int32),
-        right_lag=np.where(seen.any(axis=1), seen_from_right.argmin(axis=2), NO_MATCH).astype(np.int16),
+        right_lag=np.where(inside.any(axis=1), right_volume.argmin(axis=2), NO_MATCH).astype(np.int16),
     )
 
 
 def valley_offset(before: npt.NDArray[Any], lowest: npt.NDArray[Any], after: npt.NDArray[Any]) -> FloatMap:
-    """Return the offset of the true minimum from the cheapest lag, fitted to the costs one lag to each side.
+    """Return the offset of the true minimum from the cheapest lag, fitted to the costs one lag to either side.
 
     With r the ratio of the lower flank to the higher one, the offset is ``(1 - r ** 2.5) / 2`` towards the lower. The
     penalty of a slant biases summed path costs, and thus the usual fits, towards whole lags: over shifts in steps of
     0.05 px the mean error reached 0.19 px on photographs with a parabola, 0.13 px with two equal lines (r in place of
-    its power) and 0.04 px with this fit; on smooth textures 0.25, 0.19 and 0.08 px. A higher power has even less bias
-    on those, but more noise.
+    its power) and 0.04 px with this fit; on smooth textures 0.25, 0.19 and 0.08 px. A higher power reduces the bias on
+    smooth textures further, but adds noise.
 
     Parameters
     ----------
@@ -507,10 +508,10 @@ def place_valleys(
             left, right = np.float32(before[x] - lowest[x]), np.float32(after[x] - lowest[x])
             lower, higher = min(left, right), max(left, right)
             ratio = lower / higher if higher > zero else one
-            beside = (one - ratio * ratio * np.sqrt(ratio)) / two
-            beside = beside if left > right else -beside
+            fitted = (one - ratio * ratio * np.sqrt(ratio)) / two
+            fitted = fitted if left > right else -fitted
             lag = found.lag[y, x]
             at_end = (lag == ends[0]) | (lag == ends[1])
-            place = np.float32(lag) + (offset[y, x] if at_end else beside) + np.float32(smallest)
+            place = np.float32(lag) + (offset[y, x] if at_end else fitted) + np.float32(smallest)
             disparity[y, x] = place if reason[y, x] == 0 else np.float32(np.nan)
             score[y, x] = np.float32(min(max(1.0 - lowest[x] / highest, 0.0), 1.0))

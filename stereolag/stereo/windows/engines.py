@@ -1,9 +1,9 @@
 """Two engines that find the best match of every window: running sums, and batched FFT.
 
-Running sums cost the same whatever the window's size. FFT pays off where windows are few (a low overlap) and the search
-is large, and it is the only one for scores that need a spectrum: phase correlation, and the circular correlation of an
-unpadded search. Only the products are computed differently: what is prepared for both, and the code that uses the
-products, is the same, and so is the map.
+The cost of running sums does not depend on the window's size. FFT pays off where windows are few (a low overlap) and
+the search is large, and is required for scores that need a spectrum: phase correlation, and the circular correlation of
+an unpadded search. The engines differ only in how they compute the products: preparation and scoring are shared, and
+the maps are equal.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from stereolag.loops.vector_lanes import LANES, lanes_for
 from stereolag.stereo.finishing.stages import NO_MATCH
 from stereolag.stereo.windows.norms import WindowNorms, Windows, describe_windows
 from stereolag.stereo.windows.scores import (
-    OFFSET,
-    SCALE,
+    SCORE_OFFSET,
+    SCORE_SCALE,
     LeftTerms,
     TilePlace,
     WindowResults,
@@ -38,7 +38,7 @@ from stereolag.stereo.windows.scores import (
     score_products,
 )
 from stereolag.stereo.windows.search import (
-    MOST_LAGS,
+    MAX_LAGS,
     LagRange,
     LagTable,
     WindowMatches,
@@ -46,8 +46,8 @@ from stereolag.stereo.windows.search import (
     lag_table,
 )
 
-LARGEST_EXACT_WINDOW = 181
-"""px; 181² products of uint8 still fit in a signed 32-bit sum."""
+MAX_EXACT_WINDOW_PX = 181
+"""Side of the largest window whose products of uint8 pixels fit in a signed 32-bit sum, px."""
 
 
 class PreparedPair:
@@ -91,24 +91,24 @@ class PreparedPair:
             self.right_row = max(0, -self.lags.dy_first) + self.lags.dy_first
             self.right_col = max(0, -self.lags.dx_first) + self.lags.dx_first
         shape = (self.rows, self.cols)
-        seen = (self.rows, self.width - window + 1) if query.right_matches else (0, 0)
+        right_shape = (self.rows, self.width - window + 1) if query.right_matches else (0, 0)
         vertical = self.lags is not None and self.lags.rows > 1
-        written = np.empty if self.lags else np.zeros
+        allocate = np.empty if self.lags else np.zeros  # without lags, nothing is written
         self.found = WindowResults(
             dy=np.zeros(shape if vertical or (self.lags and self.lags.dy_first) else (0, 0), np.int16),
-            dx=written(shape, np.int16),
-            around=written((9 if vertical else 3, *shape), np.int32),
-            runner_up=written(shape if query.runner_up else (0, 0), np.int32),
+            dx=allocate(shape, np.int16),
+            around=allocate((9 if vertical else 3, *shape), np.int32),
+            runner_up=allocate(shape if query.runner_up else (0, 0), np.int32),
             right_key=np.zeros(
                 (self.rows, self.right.shape[1]) if query.right_matches and self.lags else (0, 0), np.int32
             ),
         )
-        self.right_dx = np.empty(seen, np.int16) if self.lags else np.full(seen, NO_MATCH, np.int16)
+        self.right_dx = np.empty(right_shape, np.int16) if self.lags else np.full(right_shape, NO_MATCH, np.int16)
         self.texture = np.empty(shape, np.float32)
 
     def left_windows(self, first: int, end: int) -> Windows:
         """Return the left windows of rows `first` to `end` of the grid, and record their texture."""
-        # A right window compares the unnormalised scores of several left windows, which need one unit.
+        # The unnormalised scores of several left windows are compared at a right window, and need a common unit.
         norm = self.left_norm if self.score == "cross" and self.right_dx.size else 0.0
         shape, texture = (end - first, self.cols), self.texture[first:end]
         windows = Windows(np.empty(shape, self.sums_dtype), np.empty(shape, np.float32))
@@ -116,27 +116,27 @@ class PreparedPair:
         return windows
 
     def right_windows(self, first: int, end: int) -> Windows:
-        """Return the right windows that the lags of these grid rows meet; out of the frame they have no norm.
+        """Return the right windows that the lags of these grid rows lead to; outside the frame they have no norm.
 
-        They are one px apart. Row 0 is the one that the first row of left windows meets at the first lag; columns are
-        those of the framed right image. For a circular correlation they are at the places of the left ones.
+        They are one px apart. Row 0 is that of the first row of left windows at the first lag; columns are those of the
+        framed right image. For a circular correlation they are at the positions of the left windows.
         """
         assert self.lags is not None
-        # Scores without the norm of the right window only need it to be in the frame.
+        # For scores that do not use the norm of the right window, any norm marks it as inside the frame.
         norm = self.right_norm if self.score in ("cross", "phase") and not self.circular else 0.0
         if self.circular:
-            step, top, where, windows = self.step, first, (0, end - first, 0), self._nothing_yet(end - first, self.cols)
+            step, top, where, windows = self.step, first, (0, end - first, 0), self._excluded(end - first, self.cols)
         else:
             step, begin = 1, first * self.step + self.lags.dy_first
-            windows = self._nothing_yet((end - first - 1) * self.step + self.lags.rows, self.right.shape[1])
+            windows = self._excluded((end - first - 1) * self.step + self.lags.rows, self.right.shape[1])
             top, bottom = max(0, begin), min(self.height - self.window + 1, begin + len(windows.total))
             where = top - begin, bottom - begin, max(0, -self.lags.dx_first)
         if where[1] > where[0]:
-            nothing = np.empty((0, 0), np.float32)
-            describe_windows(self.plain_right, self._norms(step, norm), top, windows, where, nothing)
+            no_texture = np.empty((0, 0), np.float32)
+            describe_windows(self.plain_right, self._norms(step, norm), top, windows, where, no_texture)
         return windows
 
-    def _nothing_yet(self, rows: int, cols: int) -> Windows:
+    def _excluded(self, rows: int, cols: int) -> Windows:
         return Windows(np.zeros((rows, cols), self.sums_dtype), np.full((rows, cols), np.nan, np.float32))
 
     def _norms(self, step: int, norm: float) -> WindowNorms:
@@ -144,21 +144,21 @@ class PreparedPair:
 
     def rescale(self, first: int, end: int, left_inverse: Array) -> None:
         """Convert the integers stored for rows `first` to `end` of the grid into scores, in place."""
-        for kept in (*self.found.around, *self.found.runner_up[None, : self.rows]):
-            if kept.size:
-                as_scores(kept[first:end], kept[first:end].view(np.float32), left_inverse, self.score_norm)
+        for stored in (*self.found.around, *self.found.runner_up[None, : self.rows]):
+            if stored.size:
+                as_scores(stored[first:end], stored[first:end].view(np.float32), left_inverse, self.score_norm)
 
     @property
     def score_norm(self) -> float:
-        """Return the norm of a right window by which scores are multiplied again, 0 for none."""
+        """Return the norm by which scores are multiplied to undo their normalisation; 0 to keep it."""
         return self.right_norm if self.score == "cross" else 0.0
 
     def matches(self) -> WindowMatches:
         """Return the matches found."""
         around = self.found.around.view(np.float32).reshape(-1, 3, self.rows, self.cols)
-        nowhere = np.broadcast_to(np.int16(0), self.texture.shape)
+        no_dy = np.broadcast_to(np.int16(0), self.texture.shape)
         return WindowMatches(
-            dy=self.found.dy if self.found.dy.size else nowhere,
+            dy=self.found.dy if self.found.dy.size else no_dy,
             dx=self.found.dx,
             score=around[len(around) // 2, 1],
             around=around,
@@ -171,11 +171,11 @@ class PreparedPair:
 def comparable(left: Image, right: Image, window: int, score: str) -> tuple[Array, Array, bool, float]:
     """Return both images in the type in which their products are summed: uint8, or float64 about their mean.
 
-    Also whether all sums are exact whole numbers, and the energy up to which a window is flat.
+    Also return whether all sums are exact integers, and the energy up to which a window is flat.
     """
-    if left.dtype == np.uint8 and window <= LARGEST_EXACT_WINDOW:
+    if left.dtype == np.uint8 and window <= MAX_EXACT_WINDOW_PX:
         return np.ascontiguousarray(left), np.ascontiguousarray(right), True, flat_energy(window**2, 255, exact=True)
-    # One mean for both images, so that each is shifted by the same amount. "ncc" keeps the mean.
+    # One mean for both images, so that both are shifted by the same amount. "ncc" keeps the mean.
     mean = 0.0 if score == "ncc" else float(np.rint((left.mean(dtype=float) + right.mean(dtype=float)) / 2))
     if score != "ncc" and np.issubdtype(left.dtype, np.floating):
         mean = float((left.mean(dtype=float) + right.mean(dtype=float)) / 2)
@@ -201,24 +201,26 @@ def framed(image: Array, lags: LagRange) -> Array:
 
 CACHE_BYTES = 512 * 1024
 """Size of the column sums of a tile, which stay in a core's L2 cache."""
+
 GROUP_BYTES = 24 * 1024
 """Size of the scores of a few windows, which stay in a core's L1 cache."""
-BAND_WORK = 60e6
-"""Pixels times lags of a band: about 50 ms."""
+
+BAND_CELLS = 60e6
+"""Pixels times lags in a band: about 50 ms."""
 
 
 def match_windows(query: WindowQuery, progress: Progress = silent) -> WindowMatches:
     """Find the lag at which each window of the left image correlates best with the right image.
 
     A lag is a candidate only if its right window is wholly inside the right image, and neither flat (``zncc``) nor
-    without energy (``ncc``). Lags whose scores differ by less than float32 and the number of lags can resolve (2e-6 for
-    441 of them) are equal, and the shortest displacement among them wins; see :meth:`LagRange.ranked`. The time does
-    not depend on the window's size.
+    without energy (``ncc``). Scores that differ by less than the resolution, which float32 and the number of lags limit
+    (2e-6 for 441 lags), are equal, and the shortest displacement among them wins; see :meth:`LagRange.ranked`. The time
+    does not depend on the window's size.
 
     Parameters
     ----------
     query
-        uint8 images have exact integer sums, others float64 ones. `right_matches` needs step 1 and a search without
+        uint8 images have exact integer sums, others float64 sums. `right_matches` needs step 1 and a search without
         vertical reach.
     progress
         Called with the fraction done.
@@ -241,13 +243,13 @@ def match_windows(query: WindowQuery, progress: Progress = silent) -> WindowMatc
             f"dy goes from {lags.dy_first} to {lags.dy_last}."
         )
     pair = PreparedPair(query)
-    tried = pair.lags.count if pair.lags else 1
-    if tried > MOST_LAGS:
+    lag_count = pair.lags.count if pair.lags else 1
+    if lag_count > MAX_LAGS:
         raise ValueError(
-            f"The search has {tried} lags; window sums allow at most {MOST_LAGS}, engine 'fft' any number."
+            f"The search has {lag_count} lags; window sums allow at most {MAX_LAGS}, engine 'fft' any number."
         )
-    work_of_row = pair.width * tried * min(pair.window, 2 * pair.step) / 2
-    max_rows = max(1, int(BAND_WORK / work_of_row))  # so that progress comes often enough
+    row_cells = pair.width * lag_count * min(pair.window, 2 * pair.step) / 2
+    max_rows = max(1, int(BAND_CELLS / row_cells))  # so that progress is reported often enough
     over_bands(lambda first, end: _match_band(pair, first, end), pair.rows, max_rows=max_rows, progress=progress)
     return pair.matches()
 
@@ -296,15 +298,15 @@ Surface = npt.NDArray[np.float64]
 BATCH_BYTES = 32 * 2**20
 """Windows are processed in batches whose padded search areas take about this much memory."""
 
-POWERLESS = 1e-9
-"""Share of a spectrum's highest magnitude up to which a frequency has no power, and so no phase."""
+MIN_POWER_RATIO = 1e-9
+"""Share of a spectrum's highest magnitude up to which a frequency has no power, and therefore no phase."""
 
 
 def match_windows_fft(query: WindowQuery, progress: Progress = silent) -> WindowMatches:
     """Match every window of the left image by FFT, as :func:`match_windows` does.
 
-    Sums of integers are rounded to integers, so that both agree to the bit. For other images the sums of both are
-    rounded in the sixteenth digit, which changes a 32-bit score once in a million.
+    Sums of integers are rounded to integers, so that both engines agree to the bit. For other images the sums of both
+    are rounded in the sixteenth digit, which changes a 32-bit score once in a million.
 
     Parameters
     ----------
@@ -319,22 +321,22 @@ def match_windows_fft(query: WindowQuery, progress: Progress = silent) -> Window
         A query that :class:`PreparedPair` rejects, or one for `right_matches`.
     """
     if query.right_matches:
-        raise ValueError("Only window sums give the matches of the right windows.")
+        raise ValueError("Only window sums find the matches of the right windows.")
     pair = PreparedPair(query)
     if pair.lags is None:
         pair.rescale(0, pair.rows, pair.left_windows(0, pair.rows).inverse)
         progress(1.0)
         return pair.matches()
-    surfaces = _Surfaces(pair, pair.lags)
-    batch = max(1, BATCH_BYTES // surfaces.bytes_per_window)
+    scores = _FftScores(pair, pair.lags)
+    batch = max(1, BATCH_BYTES // scores.bytes_per_window)
     rows = max(1, batch // pair.cols)
     for first in range(0, pair.rows, rows):
         end = min(first + rows, pair.rows)
         left, right = pair.left_windows(first, end), pair.right_windows(first, end)
         for begin in range(0, left.inverse.size, batch):
-            some = np.arange(begin, min(begin + batch, left.inverse.size))
-            record_windows(pair, first, some, left, *surfaces.score(first, some, left, right))
-            progress((first * pair.cols + int(some[-1]) + 1) / (pair.rows * pair.cols))
+            chosen = np.arange(begin, min(begin + batch, left.inverse.size))
+            record_windows(pair, first, chosen, left, *scores.score(first, chosen, left, right))
+            progress((first * pair.cols + int(chosen[-1]) + 1) / (pair.rows * pair.cols))
         pair.rescale(first, end, left.inverse)
     return pair.matches()
 
@@ -342,23 +344,23 @@ def match_windows_fft(query: WindowQuery, progress: Progress = silent) -> Window
 def record_windows(
     pair: PreparedPair,
     first: int,
-    some: npt.NDArray[np.intp],
+    chosen: npt.NDArray[np.intp],
     left: Windows,
     scores: npt.NDArray[np.int32],
     best_lanes: npt.NDArray[np.int32],
 ) -> None:
-    """Record the best lags of some windows, counted from row `first` of the grid on."""
-    found, table, left_at = pair.found, pair.table, int(some[0])
+    """Record the best lags of the chosen windows, counted from row `first` of the grid on."""
+    found, table, left_at = pair.found, pair.table, int(chosen[0])
     at = first * pair.cols + left_at
-    whole = table
-    if np.count_nonzero(table.codes > 0) > MOST_LAGS:
-        # Score and code do not fit in one integer: the best of each window is found separately, with no bits lost.
+    runner_up_table = table
+    if np.count_nonzero(table.codes > 0) > MAX_LAGS:
+        # Score and code do not fit in one integer: the best of each window is found separately, without losing bits.
         best_lanes = _best_of_many(scores, table)
-        whole = table._replace(codes=np.minimum(table.codes, 0), code_mask=0)
-    codes = np.empty(some.size, np.int32)
-    record_group(some.size, at, left_at, left.inverse, table, best_lanes, scores, codes, found)
+        runner_up_table = table._replace(codes=np.minimum(table.codes, 0), code_mask=0)
+    codes = np.empty(chosen.size, np.int32)
+    record_group(chosen.size, at, left_at, left.inverse, table, best_lanes, scores, codes, found)
     if found.runner_up.size:
-        record_runners_up(some.size, at, whole, scores, codes, found.runner_up)
+        record_runners_up(chosen.size, at, runner_up_table, scores, codes, found.runner_up)
 
 
 def _best_of_many(scores: npt.NDArray[np.int32], table: LagTable) -> npt.NDArray[np.int32]:
@@ -381,23 +383,23 @@ def score_surface(query: WindowQuery, top: int, left_edge: int) -> Surface:
     if pair.lags is None:
         return surface
     left, right = pair.left_windows(top, top + 1), pair.right_windows(top, top + 1)
-    kept, _ = _Surfaces(pair, pair.lags).score(top, np.array([left_edge]), left, right)
-    kept = kept[0, : pair.table.codes.size].reshape(pair.lags.rows, -1)[:, : pair.lags.cols]
+    stored, _ = _FftScores(pair, pair.lags).score(top, np.array([left_edge]), left, right)
+    stored = stored[0, : pair.table.codes.size].reshape(pair.lags.rows, -1)[:, : pair.lags.cols]
     inverse = float(left.inverse[0, left_edge])
     if inverse > 0:
-        scores = np.empty(kept.shape, np.float32)
-        as_scores(kept, scores, np.full(kept.shape, inverse, np.float32), pair.score_norm)
+        scores = np.empty(stored.shape, np.float32)
+        as_scores(stored, scores, np.full(stored.shape, inverse, np.float32), pair.score_norm)
         row, col = pair.lags.dy_first - query.lags.dy_first, pair.lags.dx_first - query.lags.dx_first
         surface[row : row + pair.lags.rows, col : col + pair.lags.cols] = scores
     return surface
 
 
-class _Surfaces:
+class _FftScores:
     """Scores of windows at every lag, by FFT, stored as in :mod:`stereolag.stereo.windows.scores`.
 
-    Sums of products with larger search areas, zero-padded so that nothing wraps, are scored as for window sums. In
-    phase correlation only the phase of the spectrum counts. A circular correlation is with the same place in the right
-    image, wrapped around at the window's edges.
+    The windows are correlated with larger search areas, zero-padded so that nothing wraps, and the products are scored
+    as for window sums. Phase correlation uses only the phase of the spectrum. A circular correlation is with the same
+    place in the right image, wrapped around at the window's edges.
 
     Parameters
     ----------
@@ -408,7 +410,7 @@ class _Surfaces:
     """
 
     def __init__(self, pair: PreparedPair, lags: LagRange) -> None:
-        from scipy import fft  # windows of sums never need it
+        from scipy import fft  # not needed for window sums
 
         self.pair, self.lags, self.fft, self.right = pair, lags, fft, pair.right
         if pair.circular:
@@ -418,26 +420,26 @@ class _Surfaces:
             rows, cols = (fft.next_fast_len(side, real=True) for side in self.area)
             self.fft_shape = (rows, cols)
         if pair.score == "phase" and not pair.circular:
-            # Padded with the mean, as an edge of the frame would have a phase.
+            # Padded with the mean, since an edge at the border of the image would contribute phase.
             self.right = framed(pair.plain_right - float(np.mean(pair.left)), lags)
         self.bytes_per_window = 8 * 4 * self.fft_shape[0] * self.fft_shape[1]
 
     def score(
-        self, first: int, some: npt.NDArray[np.intp], left: Windows, right: Windows
+        self, first: int, chosen: npt.NDArray[np.intp], left: Windows, right: Windows
     ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-        """Return the scores and the best lanes of some windows, as :func:`score_products` sets them.
+        """Return the scores and the best lanes of the chosen windows, as set by :func:`score_products`.
 
         Parameters
         ----------
         first
             Row of the grid at which `left` and `right` start.
-        some
+        chosen
             (n,) consecutive indices of the left windows.
         left, right
             Sums and norms of the windows.
         """
         pair, lags, whitened = self.pair, self.lags, self.pair.score == "phase"
-        rows, cols = np.divmod(some, pair.cols)
+        rows, cols = np.divmod(chosen, pair.cols)
         tops, lefts = (first + rows) * pair.step, cols * pair.step
         windows = _cut(pair.left, tops, lefts, (pair.window, pair.window))
         areas = _cut(self.right, tops + pair.right_row, lefts + pair.right_col, self.area)
@@ -450,29 +452,29 @@ class _Surfaces:
         surface: Surface = self.fft.irfft2(spectrum, self.fft_shape, workers=-1)
         if pair.circular:
             surface = self.fft.fftshift(surface, axes=(1, 2))  # from the first lag to the last
-            inverse = right.inverse.reshape(-1)[some].astype(np.float64)[:, None, None]
+            inverse = right.inverse.reshape(-1)[chosen].astype(np.float64)[:, None, None]
             if not whitened:
-                other = np.full(inverse.shape, 1 / pair.right_norm) if pair.score == "cross" else inverse
-                surface *= left.inverse.reshape(-1)[some][:, None, None] * other
-            return to_stored_score(pair, lags, np.where(inverse > 0, surface, np.nan))
+                factor = np.full(inverse.shape, 1 / pair.right_norm) if pair.score == "cross" else inverse
+                surface *= left.inverse.reshape(-1)[chosen][:, None, None] * factor
+            return stored_scores(pair, lags, np.where(inverse > 0, surface, np.nan))
         surface = surface[:, : lags.rows, : lags.cols]
-        at_first = tops - first * pair.step, lefts + pair.right_col
+        first_lag = tops - first * pair.step, lefts + pair.right_col
         if whitened:
-            known = _cut(right.inverse, *at_first, (lags.rows, lags.cols)) > 0
-            return to_stored_score(pair, lags, np.where(known, surface, np.nan))
-        return self._score_products(surface, int(some[0]), left, at_first, right)
+            candidate = _cut(right.inverse, *first_lag, (lags.rows, lags.cols)) > 0
+            return stored_scores(pair, lags, np.where(candidate, surface, np.nan))
+        return self._score_products(surface, int(chosen[0]), left, first_lag, right)
 
     def _score_products(
-        self, surface: Surface, left_at: int, left: Windows, at_first: tuple[Array, Array], right: Windows
+        self, surface: Surface, left_at: int, left: Windows, first_lag: tuple[Array, Array], right: Windows
     ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-        """Return the scores of windows from their products; `at_first` are the right windows met at the first lag."""
+        """Return the scores of windows from their products; `first_lag` are the right windows at the first lag."""
         pair, lags, table, count = self.pair, self.lags, self.pair.table, len(surface)
         if pair.exact:
             np.rint(surface, out=surface)
         products = np.zeros((count, table.codes.size), pair.sums_dtype)
         products.reshape(count, lags.rows, -1)[:, :, : lags.cols] = surface
         scores, best_lanes = np.zeros((count, table.codes.size + LANES), np.int32), np.empty((count, LANES), np.int32)
-        right_at = at_first[0] * pair.right.shape[1] + at_first[1]
+        right_at = first_lag[0] * pair.right.shape[1] + first_lag[1]
 
         def make_scores(begin: int, end: int) -> None:
             score_products(begin, end, products, pair.share, left_at, left, right_at, right, table, scores, best_lanes)
@@ -481,20 +483,20 @@ class _Surfaces:
         return scores, best_lanes
 
 
-def to_stored_score(
+def stored_scores(
     pair: PreparedPair, lags: LagRange, scores: Surface
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
     """Return (n, lag rows, lag cols) scores of -1..1, NaN for none, as stored integers, and the best of each lane.
 
-    They are rounded to the nearest, so that the error of an FFT does not choose between equal scores.
+    They are rounded to the nearest integer, so that the error of an FFT does not decide between equal scores.
     """
     codes, count = pair.table.codes, len(scores)
-    kept = np.zeros((count, codes.size + LANES), np.int32)
-    strips = kept[:, : codes.size].reshape(count, lags.rows, -1)
+    stored = np.zeros((count, codes.size + LANES), np.int32)
+    strips = stored[:, : codes.size].reshape(count, lags.rows, -1)
     candidate = ~np.isnan(scores)
-    strips[:, :, : lags.cols] = np.rint((np.where(candidate, scores, -OFFSET) + OFFSET) * SCALE)
-    keys = (kept[:, : codes.size] & ~pair.table.code_mask) | codes
-    return kept, keys.reshape(count, -1, LANES).max(axis=1)
+    strips[:, :, : lags.cols] = np.rint((np.where(candidate, scores, -SCORE_OFFSET) + SCORE_OFFSET) * SCORE_SCALE)
+    keys = (stored[:, : codes.size] & ~pair.table.code_mask) | codes
+    return stored, keys.reshape(count, -1, LANES).max(axis=1)
 
 
 def _cut(image: Array, tops: npt.NDArray[np.intp], lefts: npt.NDArray[np.intp], shape: tuple[int, int]) -> Array:
@@ -509,6 +511,6 @@ def _mean_free(patches: Array) -> Array:
 def _whiten(spectrum: Spectrum) -> None:
     """Keep only the phase of a cross-power spectrum; frequencies without power are set to 0."""
     magnitude = np.abs(spectrum)
-    floor = POWERLESS * magnitude.max(axis=(1, 2), keepdims=True)
+    floor = MIN_POWER_RATIO * magnitude.max(axis=(1, 2), keepdims=True)
     np.divide(spectrum, magnitude, out=spectrum, where=magnitude > floor)
     spectrum[magnitude <= floor] = 0

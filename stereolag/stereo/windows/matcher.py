@@ -26,11 +26,18 @@ from stereolag.stereo.finishing.stages import (
     least_texture,
     left_right_disagree,
 )
-from stereolag.stereo.matcher import FARTHEST_FIRST, LARGEST_COUNT, PixelMatches, Reason, StereoMatcher, grey_bytes
+from stereolag.stereo.matcher import (
+    MAX_ABS_MIN_DISPARITY,
+    MAX_NUM_DISPARITIES,
+    PixelMatches,
+    Reason,
+    StereoMatcher,
+    grey_bytes,
+)
 from stereolag.stereo.windows.engines import BATCH_BYTES, match_windows, match_windows_fft
 from stereolag.stereo.windows.pixels import spread_over_pixels
 from stereolag.stereo.windows.search import (
-    MOST_LAGS,
+    MAX_LAGS,
     AnySearch,
     LagRange,
     RectifiedSearch,
@@ -53,12 +60,12 @@ def find_matches(query: WindowQuery, engine: Engine, progress: Progress = silent
 def cheaper_engine(shape: tuple[int, int], window_size: int, step: int, lags: LagRange) -> Engine:
     """Return the engine that is expected to be faster.
 
-    Window sums cost pixels × lags, whatever the window; batched FFT costs windows × N log N, where N is the area of a
-    window's search area. So FFT wins where windows hardly overlap and the search is two-dimensional and several times
-    their size; in all other cases measured (windows 8 to 40 px, 64 to 14,641 lags) sums are faster, mostly by ten times
-    or more. Only FFT can search more than 65535 lags.
+    Window sums cost pixels × lags, whatever the window; batched FFT costs windows × N log N, where N is the number of
+    pixels in a window's search area. FFT is faster where windows hardly overlap and the search is two-dimensional and
+    several times their size; in all other cases measured (windows 8 to 40 px, 64 to 14,641 lags) sums are faster,
+    mostly by ten times or more. Only FFT can search more than 65535 lags.
     """
-    if lags.count > MOST_LAGS:
+    if lags.count > MAX_LAGS:
         return "fft"
     seconds = COSTS["windows"].seconds
     by_sums = seconds["products"] * products(shape, lags)
@@ -67,7 +74,7 @@ def cheaper_engine(shape: tuple[int, int], window_size: int, step: int, lags: La
 
 
 def products(shape: tuple[int, ...], lags: LagRange) -> int:
-    """Return the number of products that running sums take: every pixel at every lag, whatever the step."""
+    """Return the number of products in running sums: every pixel at every lag, whatever the step."""
     return shape[0] * shape[1] * lags.rows * lags.cols
 
 
@@ -78,20 +85,18 @@ def turns(shape: tuple[int, ...], window_size: int, step: int, lags: LagRange) -
     return rows * cols * area * math.log2(area)
 
 
-BYTES_OF_A_POINT = 32
-"""Bytes that the batched FFT allows per point of a search area."""
+BYTES_PER_POINT = 32
+"""Bytes of the batched FFT per point of a search area."""
 
-SLOWER_WHOLE, SLOWER_DOUBLE, SLOWER_FFT, WHITENED = 3, 8, 1.5, 5
-"""Ratio of a whole match's time to its products: sums of uint8, sums of float64, FFT, and whitened FFT."""
+UINT8_OVERHEAD, FLOAT64_OVERHEAD, FFT_OVERHEAD, WHITENED_OVERHEAD = 3, 8, 1.5, 5
+"""Ratio of the time of a whole match to that of its products: sums of uint8, sums of float64, FFT, whitened FFT."""
 
-
-LARGEST_VERTICAL = 64
+MAX_VERTICAL_REACH = 64
 """Largest vertical reach of a strip, rows up and down."""
 
 
 def _step(settings: Any) -> int:
-    step: int = max(1, round(settings.window_size * (1 - settings.overlap)))
-    return step
+    return max(1, round(float(settings.window_size * (1 - settings.overlap))))
 
 
 def _needs_spectrum(settings: Any) -> bool:
@@ -102,7 +107,7 @@ def _along_the_row(settings: Any) -> bool:
     return bool(settings.search.lags(settings.window_size).rows == 1)
 
 
-def _meets_every_right_window(settings: Any) -> bool:
+def _matches_every_right_window(settings: Any) -> bool:
     by_sums = settings.engine != "fft" and not _needs_spectrum(settings)
     return _along_the_row(settings) and _step(settings) == 1 and by_sums
 
@@ -113,7 +118,7 @@ ALONG_THE_ROW = "needs a search along the row: search.vertical must be 0"
 class CorrelationMatcher(StereoMatcher):
     """Matcher that slides every left window over its search area in the right image and keeps the best score.
 
-    The later stages are off by default; :func:`stereolag.preset` returns matchers with them on.
+    The later stages are off by default; :func:`stereolag.preset` turns them on.
 
     Examples
     --------
@@ -175,7 +180,7 @@ class CorrelationMatcher(StereoMatcher):
     left_right: Annotated[
         LeftRight,
         Applies(
-            _meets_every_right_window,
+            _matches_every_right_window,
             "needs a search along the row (search.vertical 0) and a window at every pixel (step 1), scored by window "
             "sums: neither engine 'fft' nor score 'phase'",
         ),
@@ -217,9 +222,9 @@ class CorrelationMatcher(StereoMatcher):
         A square search area becomes a strip with the same vertical reach, as far as that is allowed.
         """
         search = RectifiedSearch(
-            num_disparities=min(num_disparities, LARGEST_COUNT),
-            min_disparity=min(max(min_disparity, -FARTHEST_FIRST), FARTHEST_FIRST),
-            vertical=min(self.search.lags(self.window_size).dy_last, LARGEST_VERTICAL),
+            num_disparities=min(num_disparities, MAX_NUM_DISPARITIES),
+            min_disparity=min(max(min_disparity, -MAX_ABS_MIN_DISPARITY), MAX_ABS_MIN_DISPARITY),
+            vertical=min(self.search.lags(self.window_size).dy_last, MAX_VERTICAL_REACH),
         )
         return changed(self, {"search": search.model_dump()})
 
@@ -232,12 +237,12 @@ class CorrelationMatcher(StereoMatcher):
         record = (4 * 9 + 4 if lags.rows > 1 else 4 * 3 + 2) + 4 + 4 + 8 + 2 * both_views
         whole, by_sums = np.dtype(dtype) == np.uint8, self._engine_for((height, width)) == "window_sums"
         margin = (height + lags.rows) * (width + lags.cols + 32)
-        # Pixels of other types are compared as float64: a plain copy, a padded one, and a temporary one. Running sums
-        # of whole numbers pack entering rows with leaving ones; whitening takes another copy.
+        # Pixels other than uint8 are compared as float64: a plain copy, a padded one, and a temporary one. Running sums
+        # of uint8 pack entering rows with leaving ones; whitening takes another copy.
         prepared = (6 if by_sums else 2) * margin if whole else 8 * (4 * pixels + margin)
         prepared += 8 * (pixels + margin) * (self.score == "phase")
-        beyond_rows, beyond_cols = (0, 0) if self.search.circular(self.window_size) else (lags.rows, lags.cols)
-        area = (self.window_size + beyond_rows) * (self.window_size + beyond_cols)
+        reach_rows, reach_cols = (0, 0) if self.search.circular(self.window_size) else (lags.rows, lags.cols)
+        area = (self.window_size + reach_rows) * (self.window_size + reach_cols)
         transforms = turns(shape, self.window_size, self.step, lags)
         return COSTS["windows"].estimate(
             grey=grey_bytes(shape, dtype),
@@ -248,9 +253,9 @@ class CorrelationMatcher(StereoMatcher):
             windows=windows,
             seen=windows * both_views,
             columns=(lags.rows + self.step) * (width + lags.cols) * by_sums,
-            batch=0 if by_sums else min(BATCH_BYTES, BYTES_OF_A_POINT * area * windows),
-            products=by_sums * products(shape, lags) * (SLOWER_WHOLE if whole else SLOWER_DOUBLE),
-            turns=(not by_sums) * transforms * (WHITENED if self.score == "phase" else SLOWER_FFT),
+            batch=0 if by_sums else min(BATCH_BYTES, BYTES_PER_POINT * area * windows),
+            products=by_sums * products(shape, lags) * (UINT8_OVERHEAD if whole else FLOAT64_OVERHEAD),
+            turns=(not by_sums) * transforms * (WHITENED_OVERHEAD if self.score == "phase" else FFT_OVERHEAD),
         )
 
     def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
@@ -262,7 +267,7 @@ class CorrelationMatcher(StereoMatcher):
         return self.completed(matches, query, left, right)
 
     def completed(self, matches: WindowMatches, query: WindowQuery, left: Image, right: Image) -> PixelMatches:
-        """Return the finished map of the images from the matches of their windows, which answer the query."""
+        """Return the finished map of the images from the matches of their windows to the query."""
         found = spread_over_pixels(
             matches,
             query,
@@ -291,7 +296,7 @@ class CorrelationMatcher(StereoMatcher):
         """Return the requested lags plus one guard lag at each end of every direction searched.
 
         A peak on the border of the search lacks a neighbour for the sub-pixel fit and may be the flank of a higher one
-        outside. With the guard every requested lag has both neighbours, and only a peak *on* the guard is in doubt.
+        outside. With the guard, every requested lag has both neighbours, and only a peak *on* the guard is doubtful.
         """
         lags = self.search.lags(self.window_size)
         if self.search.circular(self.window_size):
@@ -315,8 +320,8 @@ class CorrelationMatcher(StereoMatcher):
             disagree = left_right_disagree(matches.dx, matches.right_dx, self.left_right.tolerance)
             reason = disagree.view(np.uint8) * np.uint8(Reason.LEFT_RIGHT)  # MEASURED is 0
         if self.ambiguity is not None and matches.runner_up is not None:
-            level = matches.score - matches.runner_up < self.ambiguity.lead
+            ambiguous = matches.score - matches.runner_up < self.ambiguity.lead
             before = np.uint8(Reason.MEASURED) if reason is None else reason
             # np.where runs at memory speed even on noise; a masked assignment predicts a branch for every pixel.
-            reason = np.where(level, np.uint8(Reason.AMBIGUOUS), before)
+            reason = np.where(ambiguous, np.uint8(Reason.AMBIGUOUS), before)
         return reason

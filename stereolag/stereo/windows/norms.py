@@ -24,14 +24,14 @@ class Windows(NamedTuple):
 
 
 class WindowNorms(NamedTuple):
-    """The windows of an image that are described, and their norms."""
+    """Size, spacing and norm of the windows of an image."""
 
     window: int
     step: int
     share: float
     """``1 / window**2`` for norms about the mean, 0 for norms about zero."""
     norm: float
-    """Norm of every window, if above 0."""
+    """If above 0, the norm of every window, instead of its own."""
     floor: float
     """Energy up to which a window is flat."""
 
@@ -46,15 +46,15 @@ def describe_windows(
     image
         (rows, cols).
     norms
-        The windows of the grid.
+        Size, spacing and norm of the windows.
     first
-        The first row of the grid.
+        Row of the grid.
     windows
-        Set from row `where[0]` to row `where[1]` and from column `where[2]` on; the dtype of their total, int32 or
+        Set from row `where[0]` to row `where[1]`, and from column `where[2]` on; the dtype of their total, int32 or
         float64, must be wide enough for the sum of squares.
     texture
-        (rows, cols) standard deviation, empty if not requested; if it is, a flat window gets 0, and NaN as inverse
-        norm.
+        (rows, cols) standard deviation, empty if not requested. If requested, that of a flat window is 0, and its
+        inverse norm NaN.
     """
     side, step, (top, end, begin) = norms.window, norms.step, where
     rows = image[first * step : (first + end - top - 1) * step + side]

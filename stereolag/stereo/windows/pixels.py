@@ -1,4 +1,4 @@
-"""From windows to pixels: the sub-pixel fit of every peak, and a disparity or a reason for every pixel."""
+"""From windows to pixels: the sub-pixel fit of all peaks, and a disparity or a reason for every pixel."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ from stereolag.loops.memory import copy, fill
 from stereolag.stereo.matcher import PixelMatches, Reason
 from stereolag.stereo.windows.search import LagMap, LagRange, WindowMatches, WindowQuery
 
-ZERO, HALF, ONE, TWO, THREE, FOUR = (np.float32(number) for number in (0, 0.5, 1, 2, 3, 4))
+ZERO, HALF, ONE, TWO, THREE, FOUR, EIGHT = (np.float32(number) for number in (0, 0.5, 1, 2, 3, 4, 8))
 THIRD, FIFTH, SEVENTH, NINTH = (np.float32(1 / number) for number in (3, 5, 7, 9))
-EIGHT = np.float32(8)
 
 
 @compiled(counted=False)
@@ -56,7 +55,7 @@ def fit_in_two_dimensions(
 ) -> None:
     """Fit rows `first` to `end` of the grid of windows: nine scores named by compass, the peak in the middle.
 
-    With None for `gaussian` a parabola, in a fifth of the time.
+    If `gaussian` is None, fit a parabola, which takes a fifth of the time.
     """
     for row in range(first, end):
         nw, n, ne = around[0, 0, row], around[0, 1, row], around[0, 2, row]
@@ -69,7 +68,7 @@ def fit_in_two_dimensions(
                 min(min(nw[col], n[col]), min(ne[col], w[col])), min(min(e[col], sw[col]), min(s[col], se[col]))
             )
             positive = False if gaussian is None else lowest > ZERO
-            # Everything is relative to the peak, which is therefore 0.
+            # All values are relative to the peak, which is therefore 0.
             a = _log_ratio(nw[col], top) if positive else nw[col] - top
             b = _log_ratio(n[col], top) if positive else n[col] - top
             c = _log_ratio(ne[col], top) if positive else ne[col] - top
@@ -86,22 +85,22 @@ def fit_in_two_dimensions(
             determinant = FOUR * bend_x * bend_y - twist * twist
             joint_y = (twist * slope_x - TWO * bend_x * slope_y) / determinant
             joint_x = (twist * slope_y - TWO * bend_y * slope_x) / determinant
-            together = (
+            joint = (
                 (determinant > ZERO) & (bend_x < ZERO) & (bend_y < ZERO) & (abs(joint_y) <= ONE) & (abs(joint_x) <= ONE)
             )
-            apart_y = _fit_three(n[col], top, s[col], gaussian)
-            apart_x = _fit_three(w[col], top, e[col], gaussian)
-            dy[col] = joint_y if together else apart_y
-            dx[col] = joint_x if together else apart_x
+            separate_y = _fit_three(n[col], top, s[col], gaussian)
+            separate_x = _fit_three(w[col], top, e[col], gaussian)
+            dy[col] = joint_y if joint else separate_y
+            dx[col] = joint_x if joint else separate_x
 
 
 def fit_peaks(around: FloatMap, gaussian: Literal[True] | None = True) -> tuple[FloatMap, FloatMap]:
     """Return the sub-pixel (dy, dx) offsets of every window's peak: the one peak fit of the package.
 
     Along one row it is a Gaussian through three scores (Willert & Gharib 1991, the usual choice in PIV), or a parabola
-    where a score is not positive and so has no logarithm. Of the fits compared on shifted textures and photographs
-    (parabola, equiangular lines, cosine, lines through the root of the distance) the Gaussian had the smallest bias: at
-    most 0.04 px on windows of 20 px, against 0.07 px for the parabola.
+    where a score is not positive and has no logarithm. Of the fits compared on shifted textures and photographs
+    (parabola, equiangular lines, cosine, lines through the root of the distance), the Gaussian had the smallest bias:
+    at most 0.04 px on windows of 20 px, against 0.07 px for the parabola.
 
     In two dimensions a Gaussian is fitted to the nine scores at once by regression (Nobach & Honkanen, "Two-dimensional
     Gaussian regression for sub-pixel displacement estimation in particle image velocimetry", 2005). Two separate fits
@@ -114,7 +113,7 @@ def fit_peaks(around: FloatMap, gaussian: Literal[True] | None = True) -> tuple[
         (3, 3, n_rows, n_cols) float32 scores at dy - 1..dy + 1 and dx - 1..dx + 1, the largest in the middle, or
         (1, 3, ...) after a search along one row of lags; NaN = no such lag. For a single window: (3, 3, 1, 1).
     gaussian
-        None for a parabola in two dimensions, for displacements that are refined later.
+        None for a parabola in two dimensions, for displacements that will be refined.
 
     Returns
     -------
@@ -137,23 +136,23 @@ def fit_peaks_reference(around: FloatMap) -> tuple[FloatMap, FloatMap]:
     """Return the expected result of :func:`fit_peaks`, within 0.003 px, computed with exact logarithms."""
     if around.shape[0] == 1:
         return np.zeros(around.shape[2:], np.float32), _fit_three_reference(*around[0])
-    apart_y, apart_x = _fit_three_reference(*around[:, 1]), _fit_three_reference(*around[1])
+    separate_y, separate_x = _fit_three_reference(*around[:, 1]), _fit_three_reference(*around[1])
     values = _logarithms(around.reshape(9, *around.shape[2:])).reshape(around.shape)
     by_row, by_col = values.sum(axis=1), values.sum(axis=0)
     slope_y, slope_x = (by_row[2] - by_row[0]) / 6, (by_col[2] - by_col[0]) / 6
     bend_y, bend_x = (by_row[0] - 2 * by_row[1] + by_row[2]) / 6, (by_col[0] - 2 * by_col[1] + by_col[2]) / 6
     twist = (values[2, 2] - values[2, 0] - values[0, 2] + values[0, 0]) / 4
     determinant = 4 * bend_x * bend_y - twist**2
-    together = np.isfinite(determinant) & (determinant > 0) & (bend_x < 0) & (bend_y < 0)
-    scale = np.divide(1, determinant, where=together, out=np.zeros_like(determinant))
+    joint = np.isfinite(determinant) & (determinant > 0) & (bend_x < 0) & (bend_y < 0)
+    scale = np.divide(1, determinant, where=joint, out=np.zeros_like(determinant))
     joint_y, joint_x = (
         (twist * slope_x - 2 * bend_x * slope_y) * scale,
         (twist * slope_y - 2 * bend_y * slope_x) * scale,
     )
-    together &= np.maximum(np.abs(joint_y), np.abs(joint_x)) <= 1
+    joint &= np.maximum(np.abs(joint_y), np.abs(joint_x)) <= 1
     return (
-        np.where(together, joint_y, apart_y).astype(np.float32),
-        np.where(together, joint_x, apart_x).astype(np.float32),
+        np.where(joint, joint_y, separate_y).astype(np.float32),
+        np.where(joint, joint_x, separate_x).astype(np.float32),
     )
 
 
@@ -170,10 +169,7 @@ def _logarithms(scores: FloatMap) -> DoubleMap:
     return np.log(values, out=values, where=(values > 0).all(axis=0))
 
 
-NOTHING = np.float32(np.nan)
-NO_ROWS = np.empty((0, 0), np.float32)
-NO_LAGS = np.empty((0, 0), np.int16)
-
+NAN = np.float32(np.nan)
 MEASURED, OUT_OF_FRAME, LOW_TEXTURE, AT_SEARCH_EDGE = (
     np.uint8(reason) for reason in (Reason.MEASURED, Reason.OUT_OF_FRAME, Reason.LOW_TEXTURE, Reason.AT_SEARCH_EDGE)
 )
@@ -187,41 +183,42 @@ class _Matched(NamedTuple):
     score: FloatMap
     dy: LagMap
     dx: LagMap
-    beside_dy: FloatMap
-    beside_dx: FloatMap
+    offset_dy: FloatMap
+    offset_dx: FloatMap
 
 
 def spread_over_pixels(
     matches: WindowMatches, query: WindowQuery, *, asked: LagRange, flat: float, refused: ReasonMap | None
 ) -> PixelMatches:
-    """Return the matches of all pixels, each taken from the window whose cell it is in.
+    """Return the matches of all pixels, each taken from the window in whose cell it is.
 
-    The sign changes here: windows have a displacement, right minus left, and pixels a disparity, ``-dx``.
+    The sign changes here: windows have a displacement, right minus left, and pixels have a disparity, ``-dx``.
 
     Parameters
     ----------
     matches
         Matches of the windows.
     query
-        Query that they answer.
+        Their query.
     asked
-        Displacements that the settings request; a peak beyond them is at the edge of the search.
+        Displacements of the settings; a peak outside them is at the edge of the search.
     flat
         Texture up to which a window is too flat, grey levels.
     refused
-        (n_rows, n_cols) reasons already found, which any other overrides; None if there are none.
+        (n_rows, n_cols) reasons already known, which any other overrides; None if there are none.
     """
     shape, grid = (query.left.shape[0], query.left.shape[1]), matches.score.shape
     vertical, offset = asked.rows > 1, (query.window_size - query.step) // 2
     whole = query.step == 1  # a window's cell is its pixel
-    written, at = (shape, offset) if whole else (grid, 0)
-    arrays = [np.empty(written, kind) for kind in (np.float32, np.uint8, np.float32, np.float32)[: 3 + vertical]]
-    maps = PixelMatches._make([*arrays, NO_ROWS][:4])
+    written_shape, at = (shape, offset) if whole else (grid, 0)
+    dtypes = (np.float32, np.uint8, np.float32, np.float32)[: 3 + vertical]
+    arrays = [np.empty(written_shape, dtype) for dtype in dtypes]
+    maps = PixelMatches._make([*arrays, np.empty((0, 0), np.float32)][:4])
     found = _Matched(
         np.empty((0, 0), np.uint8) if refused is None else np.ascontiguousarray(refused),
         np.ascontiguousarray(matches.texture),
         np.ascontiguousarray(matches.score),
-        np.ascontiguousarray(matches.dy) if vertical else NO_LAGS,
+        np.ascontiguousarray(matches.dy) if vertical else np.empty((0, 0), np.int16),
         np.ascontiguousarray(matches.dx),
         *fit_peaks(matches.around),
     )
@@ -233,18 +230,18 @@ def spread_over_pixels(
 
     over_bands(write, grid[0])
 
-    def spread(values: Array, nothing: Any) -> Array:
+    def spread(values: Array, blank: Any) -> Array:
         rows, cols = (query.step * side for side in grid)
         cells = values
         if not whole:
             cells = np.empty(shape, values.dtype)
             large = cv2.resize(values, (cols, rows), interpolation=cv2.INTER_NEAREST_EXACT)
             cells[offset : offset + rows, offset : offset + cols] = large
-        cells[:offset] = cells[offset + rows :] = nothing
-        cells[:, :offset] = cells[:, offset + cols :] = nothing
+        cells[:offset] = cells[offset + rows :] = blank
+        cells[:, :offset] = cells[:, offset + cols :] = blank
         return cells
 
-    return PixelMatches(*map(spread, arrays, (NOTHING, OUT_OF_FRAME, NOTHING, NOTHING)))
+    return PixelMatches(*map(spread, arrays, (NAN, OUT_OF_FRAME, NAN, NAN)))
 
 
 @compiled(counted=False)
@@ -265,7 +262,7 @@ def _write_matches(
     `last` is the place of the last window that fits into the image. `maps` is a `PixelMatches`, with an empty `dy`
     after a search along one row.
     """
-    refused, texture, best, lag_dy, lag_dx, beside_dy, beside_dx = found
+    refused, texture, best, lag_dy, lag_dx, offset_dy, offset_dx = found
     dy_first, dy_last, dx_first, dx_last = ends
     cols, vertical, level = lag_dx.shape[1], lag_dy.size > 0, np.float32(flat)
     for row in range(first, end):
@@ -278,7 +275,7 @@ def _write_matches(
             _mark_edges(lag_dx[row], 0, step, last[1], dx_first, dx_last, reason)
             if vertical:
                 _mark_edges(lag_dy[row], step * row, 0, last[0], dy_first, dy_last, reason)
-        # Everything is loaded before it is chosen from, and few arrays at a time: otherwise the loops do not vectorise.
+        # Values are loaded before the choice between them, few arrays at a time: otherwise loops do not vectorise.
         for col in range(cols):
             score, spread, known = best[row, col], texture[row, col], reason[col]
             known = known if score == score else OUT_OF_FRAME
@@ -286,21 +283,21 @@ def _write_matches(
         for col in range(cols):
             known = reason[col]
             # 0 - dx, as a negated zero would print as -0.
-            turned = np.float32(0) - (beside_dx[row, col] + np.float32(np.int32(lag_dx[row, col])))
-            disparity[col] = turned if known == MEASURED else NOTHING
+            negated = np.float32(0) - (offset_dx[row, col] + np.float32(np.int32(lag_dx[row, col])))
+            disparity[col] = negated if known == MEASURED else NAN
         copy(best[row], maps.score[at + row, at : at + cols])
         if vertical:
             dy = maps.dy[at + row, at : at + cols]
             for col in range(cols):
-                moved = beside_dy[row, col] + np.float32(lag_dy[row, col])
-                dy[col] = moved if reason[col] == MEASURED else NOTHING
+                moved = offset_dy[row, col] + np.float32(lag_dy[row, col])
+                dy[col] = moved if reason[col] == MEASURED else NAN
 
 
 @compiled(counted=False)
 def _mark_edges(lags: Array, start: int, step: int, last: int, low: int, high: int, reason: Array) -> None:
-    """Mark the windows of a row whose lag is not between `low` and `high`, or leads to the first or last place.
+    """Mark the windows of a row whose lag is not between `low` and `high`, or leads to the first or last position.
 
-    Their own places begin at `start` and are `step` px apart.
+    Their own positions begin at `start` and are `step` px apart.
     """
     for col in range(reason.size):
         lag, known = np.int32(lags[col]), reason[col]
@@ -317,7 +314,7 @@ def spread_over_pixels_reference(
     """Return the expected result of :func:`spread_over_pixels`, computed with plain NumPy."""
     height, width = query.left.shape
     size, step = query.window_size, query.step
-    beside_dy, beside_dx = fit_peaks(matches.around)
+    offset_dy, offset_dx = fit_peaks(matches.around)
     place = np.indices(matches.dx.shape) * step + np.stack([matches.dy, matches.dx])
     last = np.array([height - size, width - size])[:, None, None]
     beyond = [
@@ -338,11 +335,11 @@ def spread_over_pixels_reference(
     known = ((row >= 0) & (row < len(reason)))[:, None] & ((col >= 0) & (col < reason.shape[1]))
 
     def spread(values: FloatMap) -> FloatMap:
-        return np.where(known, values[here], NOTHING).astype(np.float32)
+        return np.where(known, values[here], NAN).astype(np.float32)
 
     return PixelMatches(
-        spread(np.where(measured, -(matches.dx + beside_dx), NOTHING)),
+        spread(np.where(measured, -(matches.dx + offset_dx), NAN)),
         np.where(known, reason[here], OUT_OF_FRAME).astype(np.uint8),
         spread(matches.score),
-        spread(np.where(measured, matches.dy + beside_dy, NOTHING)) if asked.rows > 1 else None,
+        spread(np.where(measured, matches.dy + offset_dy, NAN)) if asked.rows > 1 else None,
     )

@@ -1,18 +1,18 @@
-"""The loops of window correlation: running sums of products, scores at every lag, and the choice of the best lag.
+"""The loops of window correlation: running sums of products, scores at all lags, and the best lag.
 
 A *column sum* is the sum of the products of one image column over the window's height, for every lag. Moving down one
-row adds the products that enter and subtracts those that leave, both in one instruction if the pixels are whole numbers
-(:func:`changing_rows`). A *window sum* slides right by adding one column sum and subtracting another, so a window costs
-the same whatever its size. The lag is the innermost axis, in strips of sixteen
+row adds the products that enter and subtracts those that leave, both in one instruction if the pixels are integers
+(:func:`changing_rows`). A *window sum* slides right by adding one column sum and subtracting another, so that the cost
+of a window does not depend on its size. The lag is the innermost axis, in strips of sixteen
 (:class:`stereolag.stereo.windows.search.LagTable`).
 
 ``at`` is an index into the flattened image, and ``back`` the distance from an entering pixel to the leaving one above
 it; `offsets` lead from the right pixel of the first lag to those of each strip. Sums of uint8 products are int32, and
 exact; other images have float64 sums in the same code.
 
-A score s of -1..1 is stored as the integer ``(s + OFFSET) * SCALE``: positive, below 2**31, and as fine as float32; 0
-means no candidate. With the code of the lag in its low bits, one comparison finds the better of two scores and breaks
-ties, and nothing is divided before the best is known.
+A score s of -1..1 is stored as the integer ``(s + SCORE_OFFSET) * SCORE_SCALE``: positive, below 2**31, and as precise
+as float32; 0 means no candidate. With the code of the lag in its low bits, one comparison finds the better of two
+scores and breaks ties, and nothing is divided before the best is known.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ from stereolag.loops.vector_lanes import (
 from stereolag.stereo.windows.norms import Windows
 from stereolag.stereo.windows.search import LagRange, LagTable, Score, WindowQuery
 
-NEITHER, ENTERING, BOTH = 0, 1, 2
-"""How a row changes the column sums that end in it: not at all, by entering, or by entering as another leaves."""
+UNCHANGED, ENTERING, BOTH = 0, 1, 2
+"""Change of the column sums by a row: none, by the row that enters, or also by the row that leaves."""
 
 
 def changing_rows(image: Array, window: int, sign: int = 1) -> Array:
@@ -56,15 +56,15 @@ def changing_rows(image: Array, window: int, sign: int = 1) -> Array:
     image
         (H, W) uint8 or float64.
     window
-        Height of the window: a pixel leaves when the one this many rows below enters.
+        Height of the window: a pixel leaves when the one this many rows below it enters.
     sign
-        -1 for the left one of two images whose rows are multiplied: what leaves is taken away.
+        -1 for the left one of two images whose rows are multiplied, so that leaving products are subtracted.
 
     Returns
     -------
     ndarray
-        (H, W) int32 for uint8 images: the entering pixel in the low 16 bits, the leaving one in the high ones, 0 where
-        that would be above the image. Other images are returned unchanged.
+        (H, W) int32 for uint8 images: the entering pixel in the low 16 bits, the leaving one in the high 16 bits, 0
+        above the image. Other images are returned unchanged.
     """
     if image.dtype != np.uint8:
         return image
@@ -74,18 +74,18 @@ def changing_rows(image: Array, window: int, sign: int = 1) -> Array:
 
 
 def left_change(left: Array, at: int, back: int, which: int, rows: Array) -> Any:
-    """Return an entering left pixel and the leaving one `back` before it, in all lanes; for compiled code only."""
+    """Return an entering left pixel and the leaving one, `back` before it, in all lanes; for compiled code only."""
 
 
 @compiled_as(left_change)
 def _left_change_of_type(left: Any, at: Any, back: Any, which: Any, rows: Any) -> Any:
     def packed(left: Array, at: int, back: int, which: int, rows: Array) -> Any:
-        enters = np.int32(item(left, at)) if which != NEITHER else np.int32(0)
+        enters = np.int32(item(left, at)) if which != UNCHANGED else np.int32(0)
         leaves = np.int32(item(left, at - back)) if which == BOTH else np.int32(0)
         return splat(enters - leaves * 65536, np.int32)
 
     def apart(left: Array, at: int, back: int, which: int, rows: Array) -> Any:
-        enters = item(left, at) if which != NEITHER else 0.0
+        enters = item(left, at) if which != UNCHANGED else 0.0
         leaves = item(left, at - back) if which == BOTH else 0.0
         return splat(enters, rows.dtype), splat(leaves, rows.dtype)
 
@@ -93,7 +93,7 @@ def _left_change_of_type(left: Any, at: Any, back: Any, which: Any, rows: Any) -
 
 
 def row_change(rows: Array, at: int, back: int) -> Any:
-    """Return sixteen entering left pixels and the leaving ones, as the rows have them; for compiled code only."""
+    """Return sixteen entering left pixels and the leaving ones, in the format of the rows; for compiled code only."""
 
 
 @compiled_as(row_change)
@@ -108,7 +108,7 @@ def _row_change_of_type(rows: Any, at: Any, back: Any) -> Any:
 
 
 def change(left: Any, rows: Array, at: int, back: int) -> Any:
-    """Return the change in the products of a left pixel with sixteen right ones; for compiled code only."""
+    """Return the change in the products of a left pixel and sixteen right ones; for compiled code only."""
 
 
 @compiled_as(change)
@@ -156,28 +156,31 @@ def slide(window_sums: Array, columns: Array, entering: int, leaving: int) -> No
         store(window_sums, lag, total - keep * load(columns, gone + lag))
 
 
-SCALE = 2.0**29
-OFFSET = 1.5
+SCORE_SCALE = 2.0**29
+"""Integer steps of stored scores per unit."""
+
+SCORE_OFFSET = 1.5
+"""Added to scores before they are stored, to make them positive."""
 
 FRACTIONS = 256
-"""Parts of a grey level; the product of such a coarse fraction and a sum of pixels is exact in float32."""
+"""Fractions of a grey level whose product with a sum of pixels is exact in float32."""
 
 
 class LeftTerms(NamedTuple):
     """Terms of the scores of some left windows that are the same at every lag, each (windows)."""
 
     whole: Array
-    """The mean, or 0 for a score that keeps it, rounded; not rounded for float64 sums."""
+    """The mean, or 0 for a score that keeps the mean, rounded; not rounded for float64 sums."""
     coarse: npt.NDArray[np.float32]
-    """Remainder of the mean, in 256ths."""
+    """The remainder of the mean, rounded to 256ths."""
     fine: npt.NDArray[np.float32]
-    """Remainder of the mean after `whole` and `coarse`."""
+    """The remainder of the mean after `whole` and `coarse`."""
     scale: npt.NDArray[np.float32]
-    """SCALE / norm; NaN for an excluded window."""
+    """SCORE_SCALE / norm; NaN for an excluded window."""
 
 
 class WindowResults(NamedTuple):
-    """Result for each window of the grid (rows, cols); fields not requested are empty."""
+    """Results for all windows of the grid, (rows, cols); fields that were not requested are empty."""
 
     dy: npt.NDArray[np.int16]
     dx: npt.NDArray[np.int16]
@@ -227,23 +230,23 @@ class GroupPlace(NamedTuple):
     left_at: int
     """The first window among the left ones."""
     right_at: int
-    """The right window that it meets at the first lag."""
+    """The right window that it is compared with at the first lag."""
     share: float
     """``1 / window**2``, or 0 for a score that keeps the mean."""
 
 
 @compiled(counted=False)
 def _set_left_terms(count: int, at: int, windows: Windows, share: float, terms: LeftTerms) -> None:
-    """Set the terms of `count` windows from window `at` on, ahead of the scores, which would wait for them."""
+    """Set the terms of `count` windows from window `at` on, before the scores, which would wait for them."""
     (total, inverse), (whole, coarse, fine, scale) = windows, terms
     for member in range(count):
         mean = item(total, at + member) * share
-        nearest_mean = nearest(mean, whole.dtype)
-        rest = mean - nearest_mean
-        put(whole, member, nearest_mean)
+        rounded_mean = nearest(mean, whole.dtype)
+        rest = mean - rounded_mean
+        put(whole, member, rounded_mean)
         put(coarse, member, np.rint(rest * FRACTIONS) / FRACTIONS)
         put(fine, member, rest - np.rint(rest * FRACTIONS) / FRACTIONS)
-        put(scale, member, item(inverse, at + member) * np.float32(SCALE))
+        put(scale, member, item(inverse, at + member) * np.float32(SCORE_SCALE))
 
 
 @compiled(counted=False)
@@ -253,13 +256,13 @@ def to_stored_score(
     """Return the scores of one left window at sixteen lags as stored integers; 0 where `right_inverse` is NaN.
 
     The covariance of a left window, whose mean is ``share * total`` (0 for a score that keeps the mean), with a right
-    window r is ``sum(l * r) - mean * sum(r)``. The mean is split into a whole number, a fraction of 8 bits and the
-    rest: the large parts are subtracted in integers, or in float32 without rounding, and little is left to round.
-    (Float64 sums need no such care: the first part is the mean, and the others are 0.)
+    window r is ``sum(l * r) - mean * sum(r)``. The mean is split into an integer, a fraction of 8 bits and the rest:
+    the large parts are subtracted in integers, or in float32 without rounding, and only the small rest is rounded.
+    (Float64 sums do not need this: the first part is the mean, and the others are 0.)
     """
     total = cast(right_total, np.float32)
     covariance = cast(products - whole * right_total, np.float32) - coarse * total - fine * total
-    kept = covariance * scale * right_inverse + splat(OFFSET * SCALE, np.float32)
+    kept = covariance * scale * right_inverse + splat(SCORE_OFFSET * SCORE_SCALE, np.float32)
     # Values below 1 become 0; a comparison with 0 itself would take two instructions.
     return cast(larger_float(kept, splat(0.5, np.float32)), np.int32)
 
@@ -277,9 +280,9 @@ def score_group(
 ) -> None:
     """Score some left windows of a row at every lag.
 
-    One pass over the lags does everything: the column sums move down a row (as in ``change_row``), the window sums
-    slide right, the sums become scores (:func:`to_stored_score`), and each lane keeps the best, as does every right
-    window unless `right_key` is empty.
+    One pass over the lags moves the column sums down a row (as in ``change_row``), slides the window sums right,
+    converts the sums into scores (:func:`to_stored_score`), and keeps the best of each lane and, unless `right_key` is
+    empty, of each right window.
     """
     count, step, window, column, column_end, which = place[:6]
     left_row, left_back, right_row, right_back, left_at, right_at, share = place[6:]
@@ -288,7 +291,7 @@ def score_group(
     columns, window_sums, scores, best_lanes = work.columns, work.window, work.scores, work.best
     wholes, coarses, fines, scales = work.left
     lags = columns.shape[1]
-    seen_from_right = right_key.size > 0
+    matches_right = right_key.size > 0
     score_bits = splat(~code_mask, np.int32)
     _set_left_terms(count, left_at, left_windows, share, work.left)
     for member in range(count):
@@ -312,7 +315,7 @@ def score_group(
             store(scores, first + lag, score)
             key = (score & score_bits) | load(codes, lag)
             best = larger(best, key)
-            if seen_from_right:
+            if matches_right:
                 store(right_key, there, larger(load(right_key, there), key))
         store(best_lanes, member * LANES, best)
         for off_grid in range(column + x + 1, min(column + x + step, column_end)):
@@ -335,7 +338,7 @@ def score_products(
 ) -> None:
     """Score windows `first` to `end` from their known `products`, (windows, lags), as :func:`score_group` does.
 
-    Window 0 is left window `left_at`; at the first lag each window meets the right window in `right_at`.
+    Window 0 is left window `left_at`; at the first lag, each window is compared with the right window in `right_at`.
     """
     right_total, right_inverse = right_windows
     codes, code_mask, offsets = table.codes, table.code_mask, table.right_offset
@@ -358,28 +361,28 @@ def score_products(
 
 
 @compiled
-def as_scores(kept: Array, score: Array, left_inverse: Array, right_norm: float) -> None:
-    """Convert stored integers into scores, NaN where there is no candidate; `score` may share memory with `kept`.
+def as_scores(stored: Array, score: Array, left_inverse: Array, right_norm: float) -> None:
+    """Convert stored integers into scores, NaN where there is no candidate; `score` may share memory with `stored`.
 
-    Normalised scores are clipped to -1..1, as rounding may have carried them beyond. If `right_norm` is above 0, the
-    normalisation is undone.
+    Normalised scores are clipped to -1..1, since rounding may exceed it. If `right_norm` is above 0, the normalisation
+    is undone.
     """
     # A copy of each row, since a loop over arrays that may overlap does not vectorise.
-    stored = np.empty(kept.shape[1], np.int32)
-    for row in range(kept.shape[0]):
-        for col in range(stored.size):
-            stored[col] = kept[row, col]
-        for col in range(stored.size):
-            value = np.float32(stored[col]) * np.float32(1 / SCALE) - np.float32(OFFSET)
+    copied = np.empty(stored.shape[1], np.int32)
+    for row in range(stored.shape[0]):
+        for col in range(copied.size):
+            copied[col] = stored[row, col]
+        for col in range(copied.size):
+            value = np.float32(copied[col]) * np.float32(1 / SCORE_SCALE) - np.float32(SCORE_OFFSET)
             value = min(max(value, np.float32(-1)), np.float32(1))
-            score[row, col] = value if stored[col] > 0 else np.float32(np.nan)
+            score[row, col] = value if copied[col] > 0 else np.float32(np.nan)
         if right_norm > 0:
-            for col in range(stored.size):
+            for col in range(copied.size):
                 score[row, col] *= np.float32(right_norm) / left_inverse[row, col]
 
 
 def score_volume_reference(query: WindowQuery) -> npt.NDArray[np.float64]:
-    """Return the (dy, dx, rows, cols) scores of every window at every lag, NaN where the lag is no candidate."""
+    """Return the (dy, dx, rows, cols) scores of every window at every lag, NaN where the lag is not a candidate."""
     size, step, lags = query.window_size, query.step, query.lags
     left_windows = sliding_window_view(query.left, (size, size))[::step, ::step]
     right_windows = sliding_window_view(query.right, (size, size))
@@ -395,7 +398,7 @@ def score_volume_reference(query: WindowQuery) -> npt.NDArray[np.float64]:
 
 
 def _score_reference(left_windows: Array, right_windows: Array, score: Score) -> npt.NDArray[np.float64]:
-    """Return the score of each left window with the right window at the same place; NaN where there is none.
+    """Return the score of each left window with the right window of the same index; NaN where there is none.
 
     Parameters
     ----------
@@ -403,7 +406,7 @@ def _score_reference(left_windows: Array, right_windows: Array, score: Score) ->
         (rows, cols, window, window).
     score
         ``"zncc"`` is Pearson's correlation, ``"ncc"`` equation 1.3 of the source report, ``"cross"`` the numerator of
-        the first.
+        ``"zncc"``.
     """
     left, right = left_windows.astype(np.float64), right_windows.astype(np.float64)
     flat = np.ptp(left, axis=(2, 3)) == 0
@@ -432,7 +435,7 @@ def record_group(
 ) -> None:
     """Record the best lags of a group of windows and the scores around them, from window `at` of the grid on.
 
-    Working in groups lets the processor work on one window's best while it waits for another's.
+    In a group, the processor works on one window's best lag while it waits for another's.
     """
     code_mask, around_code, dy_of, dx_of = table.code_mask, table.around, table.dy, table.dx
     dy, dx, around = found.dy, found.dx, found.around
@@ -465,7 +468,7 @@ def record_runners_up(
     for member in range(count):
         best = splat(0, np.int32)
         for lag in range(0, codes.size, LANES):
-            # The codes set the sign bit in the lanes beyond the range.
+            # The codes set the sign bit of lanes outside the range.
             key = load(scores, member * scores.shape[1] + lag) | load(codes, lag)
             best = larger(best, key & score_bits)
         put(runner_up, at + member, largest(best) if item(found_codes, member) > 0 else 0)
@@ -480,7 +483,7 @@ class TilePlace(NamedTuple):
     cols: int
     right_row: int
     right_col: int
-    """The pixel of the right rows that the first lag of left pixel (0, 0) meets."""
+    """Pixel of the right rows that left pixel (0, 0) is compared with at the first lag."""
     window: int
     step: int
     share: float
@@ -525,7 +528,7 @@ def match_tile(
         for y in range(top if renewed else top + window - step, top + window):
             left_row = y * left_stride + x_first
             right_row_at = (y + right_row) * right_stride + right_col + x_first
-            # The last row to enter: if every column ends a window, its sums are updated during scoring instead.
+            # If a window ends in every column, scoring updates the column sums for the last row to enter.
             changed = width if step > 1 or y < top + window - 1 else window - 1
             change_row(
                 columns, changed, left, left_row, left_back, right_rows, right_row_at, right_back, offsets, which
@@ -543,7 +546,7 @@ def match_tile(
                 window,
                 column,
                 width,
-                which if step == 1 else NEITHER,
+                which if step == 1 else UNCHANGED,
                 left_row + column,
                 left_back,
                 right_row_at + column,
@@ -560,9 +563,9 @@ def match_tile(
 
 
 @compiled(counted=False)
-def as_right_dx(right_key: Array, dx_of: Array, code_mask: int, nowhere: int, right_dx: Array) -> None:
-    """Convert the keys of the right windows into displacements; `nowhere` where no left window met one."""
-    mask, none = np.int32(code_mask), np.int16(nowhere)
+def as_right_dx(right_key: Array, dx_of: Array, code_mask: int, no_match: int, right_dx: Array) -> None:
+    """Convert the keys of the right windows into displacements; `no_match` where there is no left window."""
+    mask, none = np.int32(code_mask), np.int16(no_match)
     for row in range(right_dx.shape[0]):
         keys, found = right_key[row], right_dx[row]
         for x in range(found.size):
@@ -570,8 +573,8 @@ def as_right_dx(right_key: Array, dx_of: Array, code_mask: int, nowhere: int, ri
             found[x] = dx if keys[x] > mask else none
 
 
-def right_view_reference(volume: Array, lags: LagRange, nowhere: int) -> npt.NDArray[np.int16]:
-    """Return the displacement of the best left window of every right window; `nowhere` where none meets it.
+def right_view_reference(volume: Array, lags: LagRange, no_match: int) -> npt.NDArray[np.int16]:
+    """Return the displacement of the best left window of every right window; `no_match` where there is none.
 
     Parameters
     ----------
@@ -580,8 +583,8 @@ def right_view_reference(volume: Array, lags: LagRange, nowhere: int) -> npt.NDA
         :func:`score_volume_reference`.
     """
     rows, cols = volume.shape[2:]
-    best, right_dx = np.full((rows, cols), -np.inf), np.full((rows, cols), nowhere, np.int16)
-    for dx in lags.ranked()[1]:  # the shortest first, so that it wins ties
+    best, right_dx = np.full((rows, cols), -np.inf), np.full((rows, cols), no_match, np.int16)
+    for dx in lags.ranked()[1]:  # the shortest comes first, so that it wins ties
         scores = np.full((rows, cols), -np.inf)
         left, right = slice(max(0, -dx), min(cols, cols - dx)), slice(max(0, dx), min(cols, cols + dx))
         if left.start < left.stop:

@@ -1,4 +1,4 @@
-"""Search areas, the lags that they hold, and the query and result of a window matcher."""
+"""Search areas, their lags, and the query and result of a window matcher."""
 
 from __future__ import annotations
 
@@ -16,11 +16,9 @@ from stereolag.core.settings import KIND, OfThePair, Pixels, Settings, SliderRan
 from stereolag.loops.vector_lanes import LANES, lanes_for
 from stereolag.stereo.matcher import MinDisparity, NumDisparities
 
-ROOM_FOR_WINDOW = 32
-
 
 class SearchArea(Settings):
-    """Base class of both search areas; create one with :meth:`centred` or :meth:`rectified`.
+    """Base class of both search areas, which :meth:`centred` and :meth:`rectified` create.
 
     Examples
     --------
@@ -34,7 +32,7 @@ class SearchArea(Settings):
     title: ClassVar[str] = ""
     """Name on the page."""
     first_shown: ClassVar[tuple[str, ...]] = ()
-    """Settings that most visitors want; if empty, all."""
+    """Settings that most users need; if empty, all."""
 
     @staticmethod
     def centred(search_size: int, *, vertical: int | None = None) -> CentredSearch:
@@ -50,7 +48,7 @@ class SearchArea(Settings):
         return RectifiedSearch(num_disparities=num_disparities, min_disparity=min_disparity, vertical=vertical)
 
     def lags(self, window_size: int) -> LagRange:
-        """Return the displacements (right minus left, px) at which a window of `window_size` px is tried.
+        """Return the displacements (right minus left, px) tried for a window of `window_size` px.
 
         Raises
         ------
@@ -60,7 +58,7 @@ class SearchArea(Settings):
         raise TypeError("SearchArea is abstract: use SearchArea.centred(...) or SearchArea.rectified(...).")
 
     def circular(self, window_size: int) -> bool:
-        """Return whether the correlation wraps around: the source report's unpadded case, too small to be linear."""
+        """Return whether the correlation wraps around, as in the source report's unpadded case."""
         return False
 
     @classmethod
@@ -117,7 +115,7 @@ class CentredSearch(SearchArea):
     @classmethod
     def reaching(cls, num_disparities: int) -> Self:
         """Return the square that reaches `num_disparities` px to either side of a window of 32 px."""
-        return cls(search_size=2 * num_disparities + ROOM_FOR_WINDOW)
+        return cls(search_size=2 * num_disparities + 32)
 
 
 class RectifiedSearch(SearchArea):
@@ -152,8 +150,8 @@ AnySearch = Annotated[CentredSearch | RectifiedSearch, Field(discriminator=KIND)
 """Type of a settings field for a search area."""
 
 
-MOST_LAGS = 2**16 - 1
-"""With more lags, the codes would leave too few bits for the score in the same integer."""
+MAX_LAGS = 2**16 - 1
+"""Largest number of lags whose codes leave enough bits for the score in the same integer."""
 
 
 @dataclass(frozen=True)
@@ -191,10 +189,10 @@ class LagRange:
         """Number of lags."""
         return self.rows * self.cols
 
-    def within(self, most_dy: int, most_dx: int) -> LagRange | None:
-        """Return the part within ±`most_dy` and ±`most_dx`, or None if there is none."""
-        dy_first, dy_last = max(self.dy_first, -most_dy), min(self.dy_last, most_dy)
-        dx_first, dx_last = max(self.dx_first, -most_dx), min(self.dx_last, most_dx)
+    def within(self, max_dy: int, max_dx: int) -> LagRange | None:
+        """Return the part within ±`max_dy` and ±`max_dx`; None if there is none."""
+        dy_first, dy_last = max(self.dy_first, -max_dy), min(self.dy_last, max_dy)
+        dx_first, dx_last = max(self.dx_first, -max_dx), min(self.dx_last, max_dx)
         if dy_last < dy_first or dx_last < dx_first:
             return None
         return LagRange(dy_first, dy_last, dx_first, dx_last)
@@ -217,26 +215,26 @@ class LagTable(NamedTuple):
     """
 
     codes: npt.NDArray[np.int32]
-    """(strips * 16): the code of each lag; the lanes beyond the range have the sign bit set, and lose."""
+    """(strips * 16): the code of each lag; lanes outside the range have the sign bit set, so that they never win."""
     code_mask: int
     """Mask of the bits of the code."""
     right_offset: npt.NDArray[np.int64]
     """(strips): distance in the framed right image from the first lag's pixel to the strip's, in pixels."""
     around: npt.NDArray[np.int32]
-    """By code, (codes, 9 | 3): index in the strips of the 3 × 3 lags around a lag (1 × 3 if there is one dy); for a lag
-    out of the range, and for code 0, the index just past the strips."""
+    """By code, (codes, 9 | 3): indices in the strips of the 3 × 3 lags around a lag (1 × 3 if there is one dy); for a
+    lag outside the range, and for code 0, the index just past the strips."""
     dy: npt.NDArray[np.int16]
     """By code."""
     dx: npt.NDArray[np.int16]
     """By code."""
 
 
-@lru_cache(maxsize=8)  # making it takes as long as a stage of the finishing
+@lru_cache(maxsize=8)  # creating one takes as long as a finishing stage
 def lag_table(lags: LagRange, stride: int, *, wrapped: bool = False) -> LagTable:
     """Return `lags` laid out in strips, for a right image of `stride` pixels per row.
 
-    If the search is `wrapped`, the lags at one end are neighbours of those at the other. Tables are shared: do not
-    change one.
+    If the search is `wrapped`, the lags at one end are neighbours of those at the other. Tables are shared, and
+    must not be changed.
     """
     width = lanes_for(lags.cols)
     dy, dx = (np.concatenate([[0], lag[::-1]]) for lag in lags.ranked())

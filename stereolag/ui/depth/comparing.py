@@ -12,7 +12,7 @@ import pandas as pd
 import streamlit as st
 
 from stereolag.assess.judging import (
-    LEAST_MEASURED,
+    MIN_MEASURED_SHARE,
     Criterion,
     Judgement,
     TuningPair,
@@ -270,7 +270,7 @@ def _show_estimates(view: DepthView) -> None:
     if reference is None:
         return
     measured = float(np.isfinite(reference).mean())
-    if measured < LEAST_MEASURED:
+    if measured < MIN_MEASURED_SHARE:
         prose.info(UNJUDGED[Unjudged.TOO_LITTLE_MEASURED], icon=":material/balance:")
         return
     prose.markdown(
@@ -312,7 +312,7 @@ def _show_estimates(view: DepthView) -> None:
 def estimates_in_memory(view: DepthView) -> dict[str, float]:
     """Return the estimated bad-2 of every method, %, if the reference is in memory; otherwise an empty dict."""
     reference = computed_before(REFERENCE, **kept_for(view.pair, repr(_searched(view))))
-    if not isinstance(reference, np.ndarray) or float(np.isfinite(reference).mean()) < LEAST_MEASURED:
+    if not isinstance(reference, np.ndarray) or float(np.isfinite(reference).mean()) < MIN_MEASURED_SHARE:
         return {}
     return _estimated_bad(view, reference)
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from stereolag import Calibration, Reason, Suggestion
-from stereolag.assess.explaining import DEEP_VALLEY, ExampleKind, MatchExplanation, MatchKind
+from stereolag.assess.explaining import MIN_VALLEY_DEPTH, ExampleKind, MatchExplanation, MatchKind
 from stereolag.assess.findings import Finding, Remedy
 from stereolag.assess.judging import Criterion, Sweep, Unjudged
 from stereolag.assess.suggestion import Outcome
@@ -383,7 +383,7 @@ def match_in_words(match: MatchExplanation) -> str:
         next="" if math.isnan(match.runner_up_score) else f"; the next one scores {runner_up}",
         flank=f"{match.flank_score:.3f}",
         contrast=percent(match.contrast),
-        alike="the pattern repeats, like a fence" if match.valley_depth > DEEP_VALLEY else "they look alike",
+        alike="the pattern repeats, like a fence" if match.valley_depth > MIN_VALLEY_DEPTH else "they look alike",
     )
 
 
