@@ -147,7 +147,7 @@ def test_a_video_of_two_tracks_has_a_control_for_them() -> None:
 
 
 def test_every_method_has_a_row_and_runs_are_timed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parts, "LONGEST_METHOD_S", 0.5)
+    monkeypatch.setattr(parts, "MAX_METHOD_S", 0.5)
     app = open_page(LAG, {"lag.part": "Methods"})
     assert not app.dataframe
     app.button(key="lag.comparison.recordings coast.start").click().run()
@@ -249,7 +249,7 @@ def test_a_sure_lag_has_metres_only_from_one_device_and_while_it_stays() -> None
     steady = heard(STEADY)
     assert (steady["sure"], steady["lag"], steady["difference"]) == (True, "40", pytest.approx(0.85, abs=0.01))
     assert "its path is 0.85\N{NO-BREAK SPACE}m longer" in steady["said"]
-    assert heard(DRIFTING)["said"] == "The source moves: the lag was 40 samples and is 45 now."
+    assert heard(DRIFTING)["said"] == "The source is moving: the lag was 40 samples and is 45 now."
     assert heard(STEADY[::-1])["lag"] == "−40"
     two, apart = heard(STEADY, devices=2)["said"], heard(DRIFTING, devices=2)["said"]
     assert two.startswith("Sensor 2 hears it 40.0 samples later. Two devices start at different moments")
