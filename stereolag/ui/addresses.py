@@ -151,7 +151,7 @@ def example_choice(key: str, examples: Mapping[str, object], *others: str) -> Ch
     return Choice(key, [*examples, OWN, *others])
 
 
-def new_parameters(written: str) -> dict[str, str] | None:
+def new_parameters(key: str) -> dict[str, str] | None:
     """Return the parameters of a new address, which are to be applied; None if the address is not new.
 
     An opened link is new if it has parameters. A step through the browser's history is new even without parameters:
@@ -163,30 +163,30 @@ def new_parameters(written: str) -> dict[str, str] | None:
 
     Parameters
     ----------
-    written
+    key
         Session-state key of the parameters last written by :func:`write_parameters`. The same key followed by ``.seen``
         holds the address with which the browser last requested this page; by ``.bare``, whether a bare address in the
         history stands for another state than the initial one; by ``.settings``, the parameters not applied yet.
     """
     state, found, stepped = st.session_state, st.query_params.to_dict(), inside.is_history_step()
-    seen, last = state.get(f"{written}.seen"), state.get(written)
-    state[f"{written}.seen"] = {**found}  # a copy: the caller removes the parameters it applies
-    if last and not found and not stepped and from_another_page():
-        state[f"{written}.bare"] = True
-    if found == last:
+    requested_before, written = state.get(f"{key}.seen"), state.get(key)
+    state[f"{key}.seen"] = {**found}  # a copy: the caller removes the parameters it applies
+    if written and not found and not stepped and from_another_page():
+        state[f"{key}.bare"] = True
+    if found == written:
         return None
     if stepped:
-        return found if found or not state.get(f"{written}.bare") else None
-    return found if found and found != seen else None
+        return found if found or not state.get(f"{key}.bare") else None
+    return found if found and found != requested_before else None
 
 
-def write_parameters(written: str, parameters: dict[str, str]) -> None:
-    """Write parameters into the address, replacing all others."""
-    st.session_state[written] = parameters
+def write_parameters(key: str, parameters: dict[str, str]) -> None:
+    """Write parameters into the address, replacing all others, and record them under `key`."""
+    st.session_state[key] = parameters
     if not parameters:
-        st.session_state[f"{written}.bare"] = False
+        st.session_state[f"{key}.bare"] = False
     if (found := st.query_params.to_dict()) != parameters:
-        st.session_state[f"{written}.seen"] = found
+        st.session_state[f"{key}.seen"] = found
         st.query_params.from_dict(parameters)
 
 
@@ -201,8 +201,8 @@ class Address(Generic[InputsT]):
 
     Attributes
     ----------
-    written
-        Session-state key of the parameters the page wrote last.
+    key
+        Session-state key of the parameters that the page wrote last.
     choices
         Returns the choices by their names in the address.
     initial
@@ -213,7 +213,7 @@ class Address(Generic[InputsT]):
         Raises :class:`~stereolag.core.settings.SettingsError` for values that the inputs do not allow.
     """
 
-    written: str
+    key: str
     choices: Callable[[], Mapping[str, Choice]]
     initial: Callable[[InputsT], Mapping[str, Settings]]
     set_controls: Callable[[Any, InputsT], None]
@@ -225,7 +225,7 @@ class Address(Generic[InputsT]):
         Call it before the choices are drawn. Return the other parameters, which are kept until
         :meth:`recall_settings` takes them, in this run or a later one; None if the address is not new.
         """
-        found = new_parameters(self.written)
+        found = new_parameters(self.key)
         if found is None:
             return None
         for name, choice in self.choices().items():
@@ -237,7 +237,7 @@ class Address(Generic[InputsT]):
                 st.session_state[choice.key] = choice.allowed[0]
             if value is not None:
                 warn_ignored(name, value, choice.allowed)
-        st.session_state[f"{self.written}.settings"] = found
+        st.session_state[f"{self.key}.settings"] = found
         return found
 
     def recall_settings(self, inputs: InputsT) -> None:
@@ -245,7 +245,7 @@ class Address(Generic[InputsT]):
 
         Call it before the controls are drawn.
         """
-        found: dict[str, str] | None = st.session_state.pop(f"{self.written}.settings", None)
+        found: dict[str, str] | None = st.session_state.pop(f"{self.key}.settings", None)
         if found is None:
             return
         groups = self.initial(inputs)
@@ -272,16 +272,16 @@ class Address(Generic[InputsT]):
     def write(self, inputs: InputsT, settings: Mapping[str, Settings], **more: str) -> None:
         """Write the choices and settings that differ from their initial ones, and `more`; settings come by prefix."""
         initial = self.initial(inputs)
-        parameters = self._chosen() | more
+        parameters = self._changed_choices() | more
         for prefix, now in settings.items():
             parameters |= {prefix + name: text for name, text in parameters_of(now, initial[prefix]).items()}
-        write_parameters(self.written, parameters)
+        write_parameters(self.key, parameters)
 
     def write_choices(self) -> None:
         """Write only the choices, while there are no inputs yet."""
-        write_parameters(self.written, self._chosen())
+        write_parameters(self.key, self._changed_choices())
 
-    def _chosen(self) -> dict[str, str]:
+    def _changed_choices(self) -> dict[str, str]:
         """Return the choices that differ from their initial values, as parameters."""
         choices = self.choices()
         values = {name: st.session_state.get(choice.key) for name, choice in choices.items()}

@@ -50,7 +50,7 @@ from stereolag.ui.elements import (
     announce,
     in_columns,
     refusals_shown,
-    show_line,
+    show_numbers,
     show_picture,
     show_refused,
 )
@@ -301,8 +301,7 @@ def found_boards(pictures: BoardPictures, board: Board) -> BoardViews | None:
 
 def ask_pairs(pictures: BoardPictures, views: BoardViews) -> frozenset[int]:
     """Ask which of the pairs with a board in both pictures to use; return the numbers of those to leave out."""
-    both = enumerate(zip(views.left, views.right, strict=True))
-    usable = [number for number, (left, right) in both if left is not None and right is not None]
+    usable = [*views.both]
     if not usable:
         return frozenset()
     used = st.pills(
@@ -350,7 +349,7 @@ def show_figures(pictures: BoardPictures, result: StereoCalibration) -> None:
         prose.header(headline.removesuffix("."), anchor=False, width="stretch")
         if st.button("Use it on the depth page", key=f"{KEY}.use", type="primary", icon=":material/arrow_forward:"):
             take_to_depth_page(calibration)
-    show_line(
+    show_numbers(
         (
             Number("Baseline", f"{1000 * calibration.baseline_m:.2f} mm", "The distance between the cameras."),
             Number("Focal length", f"{calibration.focal_px:,.1f} px", "Of the rectified pair."),
@@ -461,9 +460,9 @@ def show_coverage(pictures: BoardPictures, views: BoardViews, number: int, resul
         ("Right", [pair.right for pair in used if pair.right], result.right_coverage),
     )
     for side, corners, share in in_columns(sides, gap="small"):
-        said = f"{side}: boards covered {percent(share)} of the picture"
-        show_picture(png(coverage_picture(corners, size)), said)
-        prose.caption(said)
+        caption = f"{side}: boards covered {percent(share)} of the picture"
+        show_picture(png(coverage_picture(corners, size)), caption)
+        prose.caption(caption)
 
 
 def show_downloads(pictures: BoardPictures, views: BoardViews, number: int, result: StereoCalibration) -> None:

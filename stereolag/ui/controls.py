@@ -9,6 +9,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import streamlit as st
@@ -42,12 +43,12 @@ next one."""
 _current: ContextVar[Run] = ContextVar("run", default=())
 
 
+@dataclass
 class _Box:
     """The number box beside a slider: its last drawn value, and the times at which earlier ones were replaced."""
 
-    def __init__(self) -> None:
-        self.value: Any = None
-        self.replaced: dict[Any, float] = {}
+    value: Any = None
+    replaced: dict[Any, float] = field(default_factory=dict)
 
 
 class _Memory:
@@ -198,25 +199,25 @@ def control(
     disabled
         Whether the control is disabled because it would have no effect.
     """
-    field = settings.model_fields[name]
+    info = settings.model_fields[name]
     adopted = key in visitor_memory().adopted
-    initial = visitor_memory().adopted[key] if adopted else field.default if value is None else value
-    title = field.title or name
+    initial = visitor_memory().adopted[key] if adopted else info.default if value is None else value
+    title = info.title or name
     widget: dict[str, Any] = {
         "label": f"{title} `{beside}`" if beside else title,
-        "help": typeset(field.description or ""),
+        "help": typeset(info.description or ""),
         "disabled": disabled,
         **persistent(key),
     }
     if isinstance(initial, bool):
         return st.toggle(value=initial, **widget)
-    options = choices(field)
+    options = choices(info)
     if options:
         named = (names or {}).get
         return st.segmented_control(
             options=options, default=initial, format_func=lambda choice: named(choice, choice), required=True, **widget
         )
-    bounds = Bounds.of(field).narrowed(low, high)
+    bounds = Bounds.of(info).narrowed(low, high)
     if when_empty is not None or initial is None or bounds.low is None or bounds.high is None:
         widget |= {"min_value": bounds.low, "max_value": bounds.high, "step": bounds.step, "value": initial}
         number_format = "%g" if isinstance(bounds.step, float) else "%d"
@@ -230,7 +231,7 @@ def control(
         bounds = Bounds(initial, initial + bounds.step, bounds.step)
         widget |= {"key": f"{key}.only", "disabled": True}
     widget |= {"min_value": bounds.low, "max_value": bounds.high, "step": bounds.step, "value": initial}
-    return _slider_and_box(widget, Bounds.of(field))
+    return _slider_and_box(widget, Bounds.of(info))
 
 
 def kept_value(
@@ -240,11 +241,11 @@ def kept_value(
     adopted = visitor_memory().adopted
     if key in adopted:
         return st.session_state.get(key, adopted[key])
-    field = settings.model_fields[name]
-    kept = st.session_state.get(key, field.default if value is None else value)
+    info = settings.model_fields[name]
+    kept = st.session_state.get(key, info.default if value is None else value)
     if isinstance(kept, bool) or not isinstance(kept, int | float):
         return kept
-    return Bounds.of(field).narrowed(low, high).nearest(kept)
+    return Bounds.of(info).narrowed(low, high).nearest(kept)
 
 
 def _slider_and_box(widget: dict[str, Any], allowed: Bounds) -> Any:
@@ -301,9 +302,9 @@ def adopt_values(settings: Settings, key: Callable[[str], str]) -> None:
         adopt_value(key(name), getattr(settings, name))
 
 
-def last_valid(make: Callable[[], T], key: str, said: str = "{}") -> T | None:
-    """Return the result of `make`; if that fails, show why, in the sentence `said`, and return the last valid one."""
-    with refusals_shown(said):
+def last_valid(make: Callable[[], T], key: str, sentence: str = "{}") -> T | None:
+    """Return the result of `make`; if that fails, show why, within `sentence`, and return the last valid one."""
+    with refusals_shown(sentence):
         st.session_state[key] = make()
     settings: T | None = st.session_state.get(key)
     return settings

@@ -33,28 +33,28 @@ class Number(NamedTuple):
     meaning: str
 
 
-def show_line(numbers: Iterable[Number]) -> None:
+def show_numbers(numbers: Iterable[Number]) -> None:
     """Show numbers in one line of text, with their meanings as its tooltip."""
     shown = [*numbers]
     line = " · ".join(f"{label} **{value}**" for label, value, _ in shown)
     prose.caption(line, help=typeset("\n".join(f"- **{label}**: {meaning}" for label, _, meaning in shown)))
 
 
-def show_note(said: str, icon: str = "") -> None:
+def show_note(text: str, icon: str = "") -> None:
     """Show the first sentence up to its colon, with the whole text as its tooltip, and the other sentences."""
-    first, _, more = said.partition(". ")
+    first, _, more = text.partition(". ")
     brief, _, details = first.partition(": ")
     shown = " ".join(filter(None, (icon, f"{brief.removesuffix('.')}.", more)))
-    prose.caption(shown, help=typeset(said) if details else None, width="content")
+    prose.caption(shown, help=typeset(text) if details else None, width="content")
 
 
-def show_offer(said: str, label: str, key: str, act: Callable[[], None], note: str | None = None) -> None:
+def show_offer(sentence: str, label: str, key: str, act: Callable[[], None], note: str | None = None) -> None:
     """Show a sentence in small print with a button beside it; `note` is the icon of a sentence shown as a note."""
     with st.container(horizontal=True, vertical_alignment="center", gap="small", width="content"):
         if note is None:
-            prose.caption(said, width="content")
+            prose.caption(sentence, width="content")
         else:
-            show_note(said, note)
+            show_note(sentence, note)
         st.button(label, key=key, type="tertiary", on_click=act)
 
 
@@ -67,10 +67,10 @@ def asked_for(request: object, label: str, key: str, **button: Any) -> bool:
     return bool(st.session_state.get(key) == request)
 
 
-def show_remedy(said: str, label: str, key: str, act: Callable[[], None]) -> None:
+def show_remedy(sentence: str, label: str, key: str, act: Callable[[], None]) -> None:
     """Show a sentence with a button beside it that reruns the whole page; without a label there is no button."""
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-        prose.markdown(said, width="stretch")
+        prose.markdown(sentence, width="stretch")
         if label and st.button(label, key=key, on_click=act):
             st.rerun()
 
@@ -133,12 +133,12 @@ def show_refused(reason: object) -> None:
 
 
 @contextmanager
-def refusals_shown(said: str = "{}") -> Iterator[None]:
-    """Show the text of a ValueError raised in the ``with`` block, in the sentence `said`, and continue after it."""
+def refusals_shown(sentence: str = "{}") -> Iterator[None]:
+    """Show the text of a ValueError raised in the ``with`` block, within `sentence`, and continue after the block."""
     try:
         yield
     except ValueError as error:
-        show_refused(said.format(error))
+        show_refused(sentence.format(error))
 
 
 def announce(headline: str) -> None:

@@ -252,8 +252,13 @@ def computed_in_turn(
     if job.cancelled:
         with place.container(horizontal=True, vertical_alignment="center"):
             prose.caption("Cancelled.", width="content")
-            key = f"results.again.{task}"
-            st.button("Compute", key=key, on_click=_forget_job, args=(task,), icon=":material/replay:")
+            st.button(
+                "Compute",
+                key=f"results.again.{task}",
+                on_click=_forget_job,
+                args=(task,),
+                icon=":material/replay:",
+            )
         return None
     if job.running:
         with place.container():

@@ -166,7 +166,7 @@ def _event_loop() -> AbstractEventLoop | None:
     return None
 
 
-_watch = st.components.v2.component(
+_reconnection = st.components.v2.component(
     "stereolag.reconnection",
     js="""
 export default function ({ setTriggerValue }) {
@@ -191,10 +191,10 @@ def run_again_when_reconnected() -> None:
     Streamlit keeps the old page on the screen, although its files and results may be gone, and notifies only its own
     elements.
     """
-    _watch(key="reconnection", on_back_change=lambda: None)
+    _reconnection(key="reconnection", on_back_change=lambda: None)
 
 
-_share = st.components.v2.component(
+_file_sharing = st.components.v2.component(
     "stereolag.sharing",
     js="""
 const ZONE = "[data-testid=stFileUploaderDropzone]";
@@ -250,7 +250,7 @@ def files_shared_out() -> list[list[str]]:
     Streamlit would keep the first and silently drop the others. Return the name of each file and the label of its box,
     "" if no box was left.
     """
-    return _share(key="files-shared", on_shared_change=lambda: None).shared or []
+    return _file_sharing(key="files-shared", on_shared_change=lambda: None).shared or []
 
 
 _run_again = AppSession.request_rerun

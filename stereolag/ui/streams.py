@@ -20,6 +20,7 @@ import weakref
 from collections.abc import Callable, Coroutine, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, TypeVar
 from urllib.parse import urlsplit
@@ -160,7 +161,7 @@ class Stream:
             if carried.number == self._number:
                 return
             self._number = carried.number
-            message = _taken(carried.data, self.kind)
+            message = _checked_message(carried.data, self.kind)
             if now - self._began > SECONDS_PER_MINUTE * limits().max_live_minutes:
                 raise _Closed(TOO_LONG)
             self._keep_place()
@@ -266,12 +267,11 @@ def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(available_cores(), thread_name_prefix="live")
 
 
+@dataclass(eq=False)
 class _Closed(Exception):  # noqa: N818
     """The stream ends, with the code that tells the browser why."""
 
-    def __init__(self, code: int) -> None:
-        super().__init__(code)
-        self.code = code
+    code: int
 
 
 def is_own_page(headers: Mapping[str, str]) -> bool:
@@ -301,7 +301,7 @@ def parse_message(data: bytes, kind: type[M]) -> M:
     return kind.model_validate({**(header.model_extra or {}), "parts": parts})
 
 
-def _taken(data: bytes, kind: type[M]) -> M:
+def _checked_message(data: bytes, kind: type[M]) -> M:
     """Return a message of this type; end the stream if it is too large or anything else."""
     if len(data) > limits().max_live_message_mb * 2**20:
         raise _Closed(TOO_LARGE)
@@ -370,7 +370,7 @@ async def _answer_all(socket: WebSocket, stream: Stream) -> None:
                     await _unless_over(receiving, _wait_for_place(socket, connection), remaining_s)
                 except TimeoutError:
                     break
-                await _say(socket, "running", 0)
+                await _send_state(socket, "running", 0)
             started = time.monotonic()
             answer = await asyncio.get_running_loop().run_in_executor(_pool(), stream.answered, message)
             await socket.send_bytes(answer)
@@ -389,7 +389,7 @@ async def _wait_for_place(socket: WebSocket, connection: object) -> None:
         if position > MAX_WAITING_PER_PLACE * limits().max_live_streams:
             raise _Closed(FULL)
         if position != reported:
-            await _say(socket, "waiting", position)
+            await _send_state(socket, "waiting", position)
             reported = position
         await asyncio.sleep(POLL_INTERVAL_S)
 
@@ -416,10 +416,10 @@ async def _receive(socket: WebSocket, stream: Stream, arrived: asyncio.Queue[Mes
             raise WebSocketDisconnect(received.get("code", 1000))
         data = received.get("bytes")
         try:
-            arrived.put_nowait(_taken(data or b"", stream.kind))
+            arrived.put_nowait(_checked_message(data or b"", stream.kind))
         except asyncio.QueueFull:
             raise _Closed(FLOOD) from None
 
 
-async def _say(socket: WebSocket, state: str, ahead: int) -> None:
+async def _send_state(socket: WebSocket, state: str, ahead: int) -> None:
     await socket.send_text(json.dumps({"state": state, "ahead": ahead}))

@@ -19,7 +19,7 @@ from stereolag.signals.by_hand import MAX_LAG, Disturbances
 from stereolag.signals.verdict import Reason
 from stereolag.ui.lag import parts
 from stereolag.ui.lag.inputs import Piece, answer
-from stereolag.ui.lag.panels import judged
+from stereolag.ui.lag.panels import disturbance_data
 from stereolag.ui.lag.sentences import DISTURBANCE_EXAMPLES, DISTURBED_LESSONS, DISTURBED_VERDICTS
 from tests.app import pages, reading, uploads
 from tests.app.pages import LAG, moved, open_page, uploaded
@@ -214,9 +214,9 @@ def test_recordings_too_short_to_slide_leave_the_examples() -> None:
 
 
 def test_what_is_said_of_every_disturbance(snapshot: Snapshot) -> None:
-    examples = {one["title"]: judged(Disturbances(**one["settings"])) for one in DISTURBANCE_EXAMPLES}
+    examples = {one["title"]: disturbance_data(Disturbances(**one["settings"])) for one in DISTURBANCE_EXAMPLES}
     others = ({"noise": 30}, {"echo": 100}, {"echo": 150}, {"repetition": 50, "echo": 60})
-    found = examples | {str(one): judged(Disturbances(**one)) for one in others}
+    found = examples | {str(one): disturbance_data(Disturbances(**one)) for one in others}
     snapshot({name: list(one["said"].values()) for name, one in found.items()})
     noisy = examples["Noise"]
     assert len(noisy["curve"]) == 2 * MAX_LAG + 1 and [len(part) for part in noisy["recordings"]] == [240, 240]

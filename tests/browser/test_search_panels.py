@@ -177,7 +177,7 @@ def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(s
     bars.press("End")
     expect(bars).to_have_attribute("aria-valuenow", "24")
     expect(buttons.nth(1)).to_have_text("This colour390,413")
-    expect(said).to_contain_text("Too many: only their count is shown")
+    expect(said).to_contain_text("Too many to draw")
     buttons.nth(1).click()
     expect(said).to_contain_text("600 of them are drawn")
     screenshot(page)

@@ -251,11 +251,11 @@ def answer(kept: dict[str, Any], piece: Piece, *, speed: float, max_lag: int | N
         digest = hashlib.sha256(f"{listening.sampling_rate}".encode() + listening.samples.tobytes()).hexdigest()
         kept["frozen"] = Upload(digest, recording), speed
     heard = listening.measured(speed=speed, max_lag=max_lag)
-    shown = _shown(heard, piece.rate, speed, piece.devices)
+    shown = _panel_data(heard, piece.rate, speed, piece.devices)
     return packed_item(shown | ({"frozen": piece.freeze} if piece.freeze else {})).data
 
 
-def _shown(heard: Heard, rate: float, speed: float, devices: int) -> dict[str, Any]:
+def _panel_data(heard: Heard, rate: float, speed: float, devices: int) -> dict[str, Any]:
     lag = heard.lag_now
     sure = not np.isnan(lag)
     return {

@@ -136,14 +136,14 @@ def fool_it(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
             "colours": COLOURS,
             "words": DISTURBANCE_WORDS,
             "lag": by_hand.LAG,
-            **judged(settings),
+            **disturbance_data(settings),
         },
         on_settings_change=lambda: None,
     )
 
 
 @lru_cache(maxsize=64)
-def judged(settings: by_hand.Disturbances) -> dict[str, Any]:
+def disturbance_data(settings: by_hand.Disturbances) -> dict[str, Any]:
     """Return the drawing of recordings disturbed in this way, the verdict on their lag, and its texts."""
     first, second = by_hand.disturbed(settings)
     result = signal_lag(first, second, max_lag=by_hand.MAX_LAG)

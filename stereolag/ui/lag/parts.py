@@ -26,7 +26,7 @@ from stereolag.signals.over_time import LagOverTime
 from stereolag.signals.recordings import HeldRecording
 from stereolag.ui import prose
 from stereolag.ui.downloads import File, refusal_of, show_player, take_away, too_large
-from stereolag.ui.elements import Number, announce, asked_for, in_columns, show_line
+from stereolag.ui.elements import Number, announce, asked_for, in_columns, show_numbers
 from stereolag.ui.lag.inputs import RecordingPair
 from stereolag.ui.lag.sentences import (
     aligned_in_words,
@@ -43,7 +43,6 @@ from stereolag.ui.sentences import CURVES, LAG_METHODS
 
 WEIGHTED, PLAIN = "Weighted by overlap", "Not weighted"
 
-KEY = "lag.take"
 NAMES = ("recording_1.npy", "recording_2.npy")
 
 MAX_CURVE_LAGS = 1_000_000
@@ -87,7 +86,7 @@ def show_verdict(pair: RecordingPair, result: SignalLag, search: LagSearch) -> N
     if result.over_time is not None and result.over_time.shows:
         score, undone = _aligned_score(pair, result, result.over_time), ", with drift and steps undone"
     highest = Number("Highest at", f"{result.lag:,}", "The peak of the curve, in samples: not a lag to rely on.")
-    show_line(
+    show_numbers(
         (
             *([] if result.verdict == "sure" else [highest]),
             Number(
@@ -118,7 +117,7 @@ def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> Non
         figures.correlation_curve(result, title, sizes=sizes), key="correlation", alt=curve_in_words(result)
     )
     if result.lags is not None:
-        explanation = ribbon_in_words(result, "phat" if search.method == "phat" else "plain" if sizes else "fair")
+        explanation = ribbon_in_words(result, "phat" if search.method == "phat" else "plain" if sizes else "weighted")
         first, _, more = explanation.partition(". ")
         prose.caption(f"{first.removesuffix('.')}.", help=typeset(more) or None)
 
@@ -211,8 +210,7 @@ def lined_up(pair: RecordingPair, result: SignalLag) -> tuple[Vector, int]:
 def _aligned_score(pair: RecordingPair, result: SignalLag, over_time: LagOverTime) -> float:
     """Return Pearson's correlation of recording 1 with recording 2 on its clock, where both have samples."""
     shared = slice(over_time.stretches[0].begin, over_time.stretches[-1].end)
-    signals = pair.signal_1, _aligned(pair, result)
-    first, second = (HeldRecording(normalised(signal[shared])) for signal in signals)
+    first, second = (HeldRecording(normalised(signal[shared])) for signal in (pair.signal_1, _aligned(pair, result)))
     return overlap_pearson(first, second, 0)
 
 
@@ -231,7 +229,7 @@ def show_lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) ->
     memory = ZIP_BYTES_PER_SAMPLE * (pair.signal_1.size + pair.signal_2.size)
     memory += ZIP_BYTES_PER_LAG * min(MAX_CURVE_LAGS, 0 if result.lags is None else len(result.lags))
     files, command = lag_files(pair, result, search), lag_command(search, *NAMES)
-    take_away(files, memory, command, "measure this lag again", own=not pair.shared, key=KEY)
+    take_away(files, memory, command, "measure this lag again", own=not pair.shared, key="lag.take")
 
 
 def lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> list[File]:

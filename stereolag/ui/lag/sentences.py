@@ -26,7 +26,7 @@ ECHO_S = 0.03
 """Delay below which two sounds are heard as one, s (Haas, 1951)."""
 
 _RIBBON = {
-    "fair": "Grey: chance level. The curve is Pearson’s correlation times √(overlap ÷ longest "
+    "weighted": "Grey: chance level. The curve is Pearson’s correlation times √(overlap ÷ longest "
     "overlap): 0.5 over many samples counts more than 0.9 over ten. The score above is the plain one at the peak.",
     "plain": "Grey: chance level, wider toward the ends, where few samples overlap. The curve is "
     "plain Pearson even there: over two or three samples it swings to ±1, which means nothing.",
@@ -42,7 +42,7 @@ _RIBBON = {
 }
 
 
-def ribbon_in_words(result: SignalLag, curve: Literal["fair", "plain", "phat"]) -> str:
+def ribbon_in_words(result: SignalLag, curve: Literal["weighted", "plain", "phat"]) -> str:
     """Return what the grey ribbon behind a curve means, and why the peak is below it or the ribbon is missing."""
     if result.over_time is not None and result.over_time.shows:
         return _RIBBON["changing"]
@@ -261,17 +261,17 @@ _NORMALISED_PEAK = {
 def excerpt_slid_in_words(slide: Slide, result: SignalLag) -> dict[str, Any]:
     """Return the texts for an excerpt of the recordings measured."""
     scores, sums = slide.scores, np.correlate(slide.recording, slide.cut, mode="valid")
-    said = {}
+    lessons = {}
     for name, heights, texts in (("plain", sums, _PLAIN_PEAK), ("normalised", scores, _NORMALISED_PEAK)):
         lag = slide.lag + slide.step * int(np.argmax(heights))
         numbers = {"lag": lag, "whole": result.lag, "score": scores.max(), "rival": slide.rival}
-        said[name] = typeset(texts[abs(lag - result.lag) <= slide.step].format(**numbers))
+        lessons[name] = typeset(texts[abs(lag - result.lag) <= slide.step].format(**numbers))
     means = "" if slide.step == 1 else f", each the mean of {slide.step} samples"
     return {
         "title": "These recordings",
         "try": f"{slide.cut.size} points of sensor 1{means}, over the recording of sensor 2. Drag them to where they "
         "fit, and watch the products.",
-        "said": said,
+        "said": lessons,
     }
 
 
@@ -361,11 +361,6 @@ DISTURBED_LESSONS: Final = {
     "opposite_sign": "Where every product is negative, the polarity of one microphone is reversed.",
 }
 
-_DISTURBED_NOTES: Final = {
-    "echo": "The smaller peak {delay:,} samples later is the echo.",
-    "teeth": "The repeating part makes the teeth every {period:,} samples; the rest settles the lag.",
-}
-
 
 def disturbed_in_words(settings: Disturbances, result: SignalLag) -> dict[str, str]:
     """Return the verdict on disturbed recordings, its kind, its numbers, and its lesson."""
@@ -376,8 +371,6 @@ def disturbed_in_words(settings: Disturbances, result: SignalLag) -> dict[str, s
     numbers = {
         "lag": lag,
         "true": LAG,
-        "delay": ECHO_DELAY,
-        "period": settings.period,
         "spacing": judgement.spacing,
         "rivals": (
             f"at least {len(rivals)} other lags fit as well"
@@ -392,9 +385,9 @@ def disturbed_in_words(settings: Disturbances, result: SignalLag) -> dict[str, s
         "needed": judgement.needed,
     }
     lesson = " ".join((DISTURBED_LESSONS[reason], *_disturbed_notes(settings, result)))
-    said = {"verdict": DISTURBED_VERDICTS[reason], "numbers": _DISTURBED_NUMBERS, "said": lesson}
+    texts = {"verdict": DISTURBED_VERDICTS[reason], "numbers": _DISTURBED_NUMBERS, "said": lesson}
     return {"kind": "fooled" if wrong else result.verdict} | {
-        place: typeset(text.format(**numbers)) for place, text in said.items()
+        place: typeset(text.format(**numbers)) for place, text in texts.items()
     }
 
 
@@ -407,9 +400,9 @@ def _disturbed_notes(settings: Disturbances, result: SignalLag) -> Iterator[str]
     elif result.verdict == "sure" and result.lag == LAG:
         heights, chance = result.correlation[MAX_LAG:], band[1]
         if settings.echo and heights[LAG + ECHO_DELAY] > chance:
-            yield _DISTURBED_NOTES["echo"]
+            yield f"The smaller peak {ECHO_DELAY:,} samples later is the echo."
         if settings.repetition and heights[[LAG - settings.period, LAG + settings.period]].min() > chance:
-            yield _DISTURBED_NOTES["teeth"]
+            yield f"The repeating part makes the teeth every {settings.period:,} samples; the rest settles the lag."
 
 
 PHASOR_INTRODUCTION: Final = (

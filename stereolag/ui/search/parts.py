@@ -41,7 +41,7 @@ from stereolag.ui import prose
 from stereolag.ui.components import component, packed_item, packed_score_map, packed_search
 from stereolag.ui.controls import adopt_value, control
 from stereolag.ui.downloads import File, file_of_image, take_away
-from stereolag.ui.elements import Number, announce, in_columns, show_line, show_picture
+from stereolag.ui.elements import Number, announce, in_columns, show_numbers, show_picture
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed, computed_in_turn, computed_or_refused, kept_for, remembered
 from stereolag.ui.search.inputs import MIN_SIDE, PICTURES, PictureAndTemplate, read_box
@@ -67,8 +67,6 @@ from stereolag.ui.uploads import OWN, forget_upload, hand_in_picture
 MAX_CLOSE_UPS = 3
 """Number of places shown up close."""
 
-KEY = "template.take"
-
 ZIP_BYTES_PER_PIXEL = 24
 """Memory per pixel of the image while the ZIP is made: the image in colour, framed, and both as files."""
 
@@ -78,10 +76,13 @@ def show_answer(result: TemplateSearch, query: TemplateQuery) -> None:
     prose.header(headline(result), anchor=False)
     announce(f"{headline(result)}. Score {_score(result.best)}.")
     best, rival = result.best, result.rivals[0] if result.rivals else None
-    meaning = "Of the best place: 1 for an exact copy, whatever its brightness and contrast."
-    show_line(
+    show_numbers(
         (
-            Number("Score", _score(best), meaning),
+            Number(
+                "Score",
+                _score(best),
+                "Of the best place: 1 for an exact copy, whatever its brightness and contrast.",
+            ),
             Number("Best rival", _score(rival), "The best score elsewhere."),
             Number("Places found", f"{result.clear}", "Places that show the template."),
             Number("Candidates scored", f"{result.candidates:,}", "Places at which the correlation was computed."),
@@ -165,7 +166,7 @@ def show_match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: 
     """Offer the files of a template search."""
     memory = ZIP_BYTES_PER_PIXEL * inputs.picture.shape[0] * inputs.picture.shape[1]
     files, command = match_files(inputs, result, query), find_command(query, *(one.name for one in _inputs(inputs)))
-    take_away(files, memory, command, "search again", own=inputs.own, by_hand=inputs.by_hand, key=KEY)
+    take_away(files, memory, command, "search again", own=inputs.own, by_hand=inputs.by_hand, key="template.take")
 
 
 def match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> list[File]:
@@ -344,7 +345,7 @@ def damage_it(inputs: PictureAndTemplate, result: TemplateSearch, query: Templat
     degradation = _ask_damage()
     attempts = computed_in_turn(
         "degraded search",
-        lambda _: _tried(inputs, place, degradation, min_score),
+        lambda _: _trials(inputs, place, degradation, min_score),
         _estimate_trials(inputs),
         **kept_for(inputs, f"{degradation.model_dump_json()} {place} {min_score}"),
         label="Searching the damaged image …",
@@ -389,7 +390,7 @@ def _ask_damage() -> Degradation:
     return degradation
 
 
-def _tried(
+def _trials(
     inputs: PictureAndTemplate, place: tuple[int, int], degradation: Degradation, min_score: float
 ) -> list[tuple[Trial, bytes]]:
     """Return the outcome of each method on the damaged image, and a JPEG of it."""
@@ -474,8 +475,9 @@ def _freeze(stream: Stream) -> None:
     if "picture" not in kept:
         return
     hand_in_picture(kept["picture"], "The frame you froze is in use.", key=f"{PICTURES}.picture")
-    said = "Your cut-out from the camera’s picture is in use."
-    hand_in_picture(png(kept["template"]), said, key=f"{PICTURES}.template")
+    hand_in_picture(
+        png(kept["template"]), "Your cut-out from the camera’s picture is in use.", key=f"{PICTURES}.template"
+    )
     forget_upload(f"{PICTURES}.mask")
     place: Pose | None = kept["place"]
     if place is not None and abs(place.scale - 1) > MIN_SCALE_CHANGE:

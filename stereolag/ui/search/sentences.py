@@ -42,18 +42,18 @@ def found_by_parts(result: TemplateSearch) -> bool:
 def found_in_words(result: TemplateSearch) -> str:
     """Return how the best place found differs from the template, as sentences; empty if it does not."""
     remark = remark_on(result.matches[0])
-    return f"{remark} The score counts only those." if found_by_parts(result) else remark
+    return f"{remark} The score counts only the others." if found_by_parts(result) else remark
 
 
 def why_not_found(result: TemplateSearch, query: TemplateQuery) -> str:
     """Return why the best place is not good enough, and advice on settings to try."""
     sampled = query.method == "sampled"
-    if result.best is None and not sampled:
-        return "There is nothing to correlate anywhere in the image."
     if result.best is None:
         return (
             "No place in the image has exactly these pixels. “FFT” also finds a template that was dimmed, recoloured "
             "or recompressed."
+            if sampled
+            else "There is nothing to correlate anywhere in the image."
         )
     score, count = f"The best place scores {result.best.score:.3f}", len(result.look_alikes)
     if count and result.best.score - result.look_alikes[-1].score < EQUAL:
