@@ -302,7 +302,7 @@ def parse_message(data: bytes, kind: type[M]) -> M:
 
 
 def _checked_message(data: bytes, kind: type[M]) -> M:
-    """Return a message of this type; end the stream if it is too large or anything else."""
+    """Return a message of this type; end the stream if it is too large or malformed."""
     if len(data) > limits().max_live_message_mb * 2**20:
         raise _Closed(TOO_LARGE)
     try:
