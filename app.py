@@ -1,4 +1,4 @@
-"""Home page: the three measurements, each with a result computed on the spot: the first to be moved by hand."""
+"""Home page: the three measurements, each with a result computed on the spot; the first can be moved by hand."""
 
 from collections.abc import Callable
 
@@ -38,8 +38,8 @@ def show_lag() -> None:
     )
     slide_by_hand(pair, result, small=True)
     prose.markdown(
-        f"Two recordings of one beach. Drag the cut: it fits at a lag of **{result.lag:,} samples**, so the path to "
-        f"sensor 2 is **{result.distance_m:,.2f} m** longer."
+        f"Two recordings of one beach. Drag the snippet: it fits at a lag of **{result.lag:,} samples**, so the path "
+        f"to sensor 2 is **{result.distance_m:,.2f} m** longer."
     )
 
 
@@ -91,11 +91,11 @@ MEASUREMENTS: dict[str, tuple[Callable[[], None], str, str]] = {
 }
 
 # The other pages: file, name, and a sentence about each.
-MORE = (
+MORE_PAGES = (
     (
         "pages/5_Driving.py",
         "Driving",
-        "**A whole drive**, its depth maps side by side while they are computed: how far away is the car in front?",
+        "**A whole drive**: its depth maps side by side as they are computed. How far away is the car in front?",
     ),
     (
         "pages/4_Calibrate.py",
@@ -119,9 +119,9 @@ def show_home() -> None:
                 prose.markdown(f"## {question}")
                 show()
                 st.page_link(path, label=f"Open {name}", icon=":material/arrow_forward:")
-        for path, name, said in in_columns(MORE):
+        for path, name, sentence in in_columns(MORE_PAGES):
             with st.container(border=True, height="stretch"):
-                prose.markdown(said)
+                prose.markdown(sentence)
                 st.page_link(path, label=f"Open {name}", icon=":material/arrow_forward:")
         st.space("small")
         prose.markdown(

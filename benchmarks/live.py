@@ -21,13 +21,13 @@ from stereolag import samples
 from stereolag.core.searches import TemplateQuery
 from stereolag.figures.pictures import jpeg
 from stereolag.io.images import read_image
-from stereolag.ui.calibrate_live import ALIKE, Shown, Taking
+from stereolag.ui.calibrate_live import FRAMES_TO_AGREE, Shown, Taking
 from stereolag.ui.components import packed_item
 from stereolag.ui.depth.maps import SHOWN
 from stereolag.ui.matcher_controls import preset_key
 from stereolag.ui.search.parts import Frame
 from stereolag.ui.search.parts import answer as follow
-from stereolag.ui.streams import IN_FLIGHT
+from stereolag.ui.streams import MAX_IN_FLIGHT
 from tests.core.moving_patch import frames
 from tests.held_boards import obeying
 from tests.held_boards import taken as board_pictures
@@ -63,7 +63,7 @@ async def camera_of(visitor: Visitor, maps: str) -> dict[str, str]:
 
 
 async def stream(
-    port: int, told: dict[str, str], seconds: float, in_flight: int = IN_FLIGHT
+    port: int, told: dict[str, str], seconds: float, in_flight: int = MAX_IN_FLIGHT
 ) -> list[tuple[float, float]]:
     """Send frames for a while, and return when each answer came and how long it took, s."""
     data, answers = packed_item({}, [frame()]).data, []
@@ -105,7 +105,7 @@ async def alone(server: Server) -> Figures:
     for name, maps in METHODS.items():
         async with Visitor(server.port) as visitor:
             told = await camera_of(visitor, maps)
-            for in_flight in (1, IN_FLIGHT):
+            for in_flight in (1, MAX_IN_FLIGHT):
                 answers = await stream(server.port, told, SECONDS, in_flight)
                 title = f"{name}, {in_flight} in flight"
                 figures[f"{title}: maps a second"] = round(rate(answers), 1)
@@ -179,7 +179,7 @@ def calibrating_ms() -> list[float]:
         for _ in range(4):
             message = Shown(parts=shown, at=100.0 * len(took))
             took.append(processor_ms(lambda message=message: taking.answer(message)))
-    return took[ALIKE:]  # until then it is not known which board it is
+    return took[FRAMES_TO_AGREE:]  # until then it is not known which board it is
 
 
 def processor_ms(act: Callable[[], object]) -> float:

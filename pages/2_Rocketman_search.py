@@ -26,6 +26,7 @@ from stereolag.ui.search.parts import (
 from stereolag.ui.search.sentences import METHODS_FOLLOWING
 from stereolag.ui.sentences import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED
 
+# Fields of the sizes and angles to search, with their default values.
 POSES = {name: TemplateQuery.model_fields[name].default for name in ("min_scale", "max_scale", "max_rotation")}
 PARTS = {
     "Drag it": drag_it,
@@ -38,7 +39,7 @@ PARTS = {
 
 
 def ask(inputs: PictureAndTemplate | None) -> TemplateQuery | None:
-    """Return the query, or None if the settings are refused; a camera has no template yet, and one match at most."""
+    """Return the query, or None if the settings are refused; without inputs, for a camera, which finds one match."""
     if inputs is not None:
         show_picture(figures.what_counts(inputs.template, inputs.mask), "The template", "Look for this", stretch=False)
     method = control(TemplateQuery, "method", key="template.method", names=TEMPLATE_METHODS)
@@ -53,8 +54,8 @@ def ask(inputs: PictureAndTemplate | None) -> TemplateQuery | None:
 def ask_poses(*, possible: bool) -> dict[str, float]:
     """Return the sizes and angles to search; empty if the method handles only the template's own."""
     values: dict[str, float] = {}
-    if any(st.session_state.get(f"template.{name}", at_first) != at_first for name, at_first in POSES.items()):
-        st.session_state.setdefault("template.poses", True)  # shown open when the address sets any of them
+    if any(st.session_state.get(f"template.{name}", default) != default for name, default in POSES.items()):
+        st.session_state.setdefault("template.poses", True)  # open if the address sets any of them
     with st.expander("Other sizes and angles", icon=":material/rotate_right:", key="template.poses", on_change="rerun"):
         for name in POSES:
             values[name] = control(TemplateQuery, name, key=f"template.{name}", disabled=not possible)
@@ -62,7 +63,7 @@ def ask_poses(*, possible: bool) -> dict[str, float]:
 
 
 def search(inputs: PictureAndTemplate, query: TemplateQuery) -> TemplateSearch | None:
-    """Return the places found, or None while they are being searched for or if the search is refused."""
+    """Return the result of the search, or None while it is running or if it is refused."""
     return computed_or_refused(
         "template search",
         lambda progress: match_template(
@@ -102,7 +103,7 @@ def find(inputs: PictureAndTemplate) -> None:
 
 @fragment
 def follow() -> None:
-    """Draw the controls and the camera; moving a control acts on its next frame."""
+    """Draw the controls and the camera; a moved control acts on the camera's next frame."""
     controls, result_place = bench()
     with controls:
         query = ask(None)

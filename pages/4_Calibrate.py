@@ -65,16 +65,16 @@ with page("Calibrate"):
         workspace(pictures)
     with st.expander("How it works, and how to get a good result"):
         prose.markdown(
-            "- Hold a chessboard or ChArUco board before both cameras, near and far, tilted and in every corner, and "
-            "take 8 to 40 pairs of pictures. The positions of its corners give the lens parameters and the pose of the "
-            "cameras.\n"
-            "- A live camera takes a pair by itself whenever the board is still and held as in no pair before: all "
-            "over the picture, near once, and tilted to all sides. Then it stops.\n"
+            "- Hold a chessboard or ChArUco board in front of both cameras, near and far, tilted and in every corner, "
+            "and take 8 to 40 pairs of pictures. The positions of its corners give the lens parameters and the pose of "
+            "the cameras.\n"
+            "- A live camera takes a pair by itself whenever the board is held still in a new way, until it has been "
+            "all over the picture, near the cameras, and tilted to all sides.\n"
             "- Print the board large, glue it to something flat, and measure a square: every distance depends on it.\n"
             "- Corners are found by OpenCV’s detectors and refined to a few hundredths of a pixel; each camera is "
             "calibrated alone, then both together (`cv2.stereoCalibrate`).\n"
-            "- Pairs that contradict the others about the right camera’s position are left out. If the bars of others "
-            "stand out, leave them out with a click.\n"
+            "- Pairs that contradict the others about the right camera’s position are left out. If the bars of other "
+            "pairs stand out, leave those out with a click.\n"
             "- The lens model is the simplest that predicts pictures it was not fitted to.\n"
             "- Focus, zoom and the mounting of both cameras must not change afterwards."
         )

@@ -17,7 +17,7 @@ import stereolag as sl
 from stereolag.core.arrays import Rgb
 from stereolag.figures.pictures import CORRELATION, PEAK, as_rgb, coloured, disparity_range
 from stereolag.samples import recordings, stereo_pairs
-from stereolag.ui.navigation import ICON
+from stereolag.ui.navigation import HOME_ICON
 
 CARD = Path(__file__).parents[1] / "deployment" / "share-card.png"
 WIDTH, HEIGHT = 1280, 640
@@ -66,7 +66,7 @@ def curve(width: int, height: int, columns: int = 400) -> tuple[list[Point], Poi
 
 def icon() -> tuple[str, str, list[Point]]:
     """Return the colours of the app's icon and its line, on a square of 64 units."""
-    square, line = ElementTree.parse(ICON).getroot()
+    square, line = ElementTree.parse(HOME_ICON).getroot()
     steps = line.attrib["d"].replace("M", "").replace("h", "|h").replace("l", "|l").split("|")
     x, y = map(float, steps[0].split())
     points = [(x, y)]

@@ -1,13 +1,13 @@
 """The state of a page in its address: a link reopens the page with its choices and settings.
 
-It stands in for ``bind="query-params"`` of Streamlit's controls, which was tried and falls short of this
-(`tests/app/test_streamlit_inside.py` fails when it no longer does):
+Streamlit's own ``bind="query-params"`` was tried and falls short (`tests/app/test_streamlit_inside.py` fails once it no
+longer does):
 
-- the parameter has the name of the control's key, which here includes the method and, for settings of the pair, the
-  pair: links would be long, would not fit another pair, and those that exist could not be read;
-- a control that is folded away, or on another tab, loses its parameter, and with it its part of a link;
-- a value between two steps is taken, one beyond the ends is dropped without a word, and settings that contradict each
-  other are not noticed.
+- a parameter is named after its control's key, which here includes the method and, for settings of the pair, the pair:
+  links would be long and would not fit another pair, and existing links could not be read;
+- a control in a closed fold or on another tab loses its parameter, so links copied then lack it;
+- a value between two steps is accepted, one outside the bounds is dropped silently, and contradictory settings go
+  unnoticed.
 """
 
 from __future__ import annotations
@@ -27,96 +27,99 @@ from stereolag.ui.uploads import OWN
 
 SettingsT = TypeVar("SettingsT", bound=Settings)
 
-NOTHING, ON = "none", "on"
-"""Parameter values for None, and for an optional stage switched on; its settings are the defaults unless given too."""
+NONE = "none"
+"""Parameter value for None."""
+
+ON = "on"
+"""Parameter value for an optional stage that is switched on, with default settings unless they are given too."""
 
 
-def parameters_of(settings: Settings, first: Settings) -> dict[str, str]:
-    """Return the settings that differ from `first`, by name; names of nested settings are dotted."""
-    found: dict[str, str] = {}
+def parameters_of(settings: Settings, initial: Settings) -> dict[str, str]:
+    """Return the settings that differ from the initial ones, by name; names of nested settings are dotted."""
+    parameters: dict[str, str] = {}
     for name in type(settings).model_fields:
-        value, usual = getattr(settings, name), getattr(first, name)
-        if value == usual:
+        value, initial_value = getattr(settings, name), getattr(initial, name)
+        if value == initial_value:
             continue
         if not isinstance(value, Settings):
-            found[name] = _written(value)
+            parameters[name] = _text_of(value)
             continue
-        if type(value) is not type(usual):
+        if type(value) is not type(initial_value):
             has_kind = KIND in type(value).model_fields
-            found |= {f"{name}.{KIND}": getattr(value, KIND)} if has_kind else {name: ON}
-            usual = type(value)()
-        found |= {f"{name}.{inner}": text for inner, text in parameters_of(value, usual).items()}
-    return found
+            parameters |= {f"{name}.{KIND}": getattr(value, KIND)} if has_kind else {name: ON}
+            initial_value = type(value)()
+        parameters |= {f"{name}.{inner}": text for inner, text in parameters_of(value, initial_value).items()}
+    return parameters
 
 
 def recalled_settings(
     parameters: Mapping[str, str],
-    first: SettingsT,
+    initial: SettingsT,
     *,
     prefix: str = "",
     check: Callable[[SettingsT], None] = lambda settings: None,
 ) -> tuple[SettingsT, list[str]]:
-    """Return the settings that :func:`parameters_of` wrote, and a sentence per reason why parameters were ignored.
+    """Return the settings that :func:`parameters_of` wrote, and one sentence per reason for ignoring parameters.
 
-    Those that are unknown or invalid are.
+    Unknown and invalid parameters are ignored.
 
     Parameters
     ----------
     parameters
         Parameters of an address; untrusted.
-    first
+    initial
         Settings to use for everything the parameters do not mention.
     prefix
         Prefix of the parameter names in the address, used in the sentences about them.
     check
         Raises :class:`~stereolag.core.settings.SettingsError` for settings that are valid but not allowed here.
     """
-    wanted = dict(parameters)
+    remaining = dict(parameters)
     ignored: list[str] = []
-    while wanted:
+    while remaining:
         try:
-            settings = type(first).model_validate(_document(wanted, first))
+            settings = type(initial).model_validate(_document(remaining, initial))
             check(settings)
             return settings, ignored
         except SettingsError as error:
-            refused = _refused(error, wanted)
+            refused = _refused(error, remaining)
         for reason in dict.fromkeys(refused.values()):
-            alike = [name for name, why in refused.items() if why == reason]
-            said = " and ".join(f"{quote(prefix + name)} = {quote(wanted[name])}" for name in alike)
-            ignored.append(f"{said} {'is' if len(alike) == 1 else 'are'} ignored: {reason}")
-        wanted = {name: text for name, text in wanted.items() if name not in refused}
-    return first, ignored
+            names = [name for name, why in refused.items() if why == reason]
+            listed = " and ".join(f"{quote(prefix + name)} = {quote(remaining[name])}" for name in names)
+            ignored.append(f"{listed} {'is' if len(names) == 1 else 'are'} ignored: {reason}")
+        remaining = {name: text for name, text in remaining.items() if name not in refused}
+    return initial, ignored
 
 
-def _written(value: Any) -> str:
+def _text_of(value: Any) -> str:
     if value is None:
-        return NOTHING
+        return NONE
     if isinstance(value, list | tuple):
-        return ",".join(map(_written, value))
+        return ",".join(map(_text_of, value))
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _document(parameters: Mapping[str, str], first: Settings) -> dict[str, Any]:
-    """Return `first` as nested dictionaries, overwritten by the parameters."""
-    document = first.model_dump(mode="json")
+def _document(parameters: Mapping[str, str], initial: Settings) -> dict[str, Any]:
+    """Return the initial settings as nested dictionaries, overwritten by the parameters."""
+    document = initial.model_dump(mode="json")
     # Apply switches and kinds before the settings nested in them: a new kind discards all earlier nested values.
     for name in sorted(parameters, key=lambda name: (name.count("."), name.rpartition(".")[2] != KIND)):
-        *within, last = name.split(".")
-        place = document
-        for part in within:
-            inner = place.get(part)
+        *parents, last = name.split(".")
+        group = document
+        for parent in parents:
+            inner = group.get(parent)
             if not isinstance(inner, dict):
-                inner = place[part] = {}
-            place = inner
+                inner = group[parent] = {}
+            group = inner
         if last == KIND:
-            place.clear()
-        place[last] = _read(parameters[name])
+            group.clear()
+        group[last] = _value_of(parameters[name])
     return document
 
 
-def _read(text: str) -> Any:
+def _value_of(text: str) -> Any:
     """Return the value of a parameter; commas separate several values."""
-    return text.split(",") if "," in text else {NOTHING: None, ON: {}}.get(text, text)
+    return text.split(",") if "," in text else {NONE: None, ON: {}}.get(text, text)
 
 
 def _refused(error: SettingsError, parameters: Mapping[str, str]) -> dict[str, str]:
@@ -141,49 +144,49 @@ class Choice(NamedTuple):
 
 
 def example_choice(key: str, examples: Mapping[str, object], *others: str) -> Choice:
-    """Return the choice of an example, of own files or of `others`.
+    """Return the choice between the examples, own files and `others`.
 
-    An address does not include the files, but it must not apply their settings to an example.
+    An address cannot include own files, but names them so that their settings are not applied to an example.
     """
     return Choice(key, [*examples, OWN, *others])
 
 
-def new_parameters(written: str) -> dict[str, str] | None:
+def new_parameters(key: str) -> dict[str, str] | None:
     """Return the parameters of a new address, which are to be applied; None if the address is not new.
 
     An opened link is new if it has parameters. A step through the browser's history is new even without parameters:
-    the page then returns to its initial state. Not new are an address the page wrote itself, the previous address sent
-    by a browser that has not received the written one yet, and the bare address of a link between pages, which keeps
-    the state of the page. That bare address stays in the history below the one the page writes next, and looks like
-    the page's first address. So once such a link has led to a page with changed settings, a step back to a bare address
-    changes nothing there until the page itself writes a bare one.
+    the page then returns to its initial state. Not new are an address that the page wrote itself, the previous address
+    sent by a browser that has not received the written one yet, and the bare address of a link between pages, which
+    keeps the state of the page. That bare address stays in the history below the one the page writes next, and looks
+    like the page's first address. So once such a link has led to a page with changed settings, a step back to a bare
+    address changes nothing there until the page itself writes a bare one.
 
     Parameters
     ----------
-    written
-        The session-state key of the parameters last written by :func:`write_parameters`. Under the same key followed by
-        ``.seen`` is the address with which the browser last requested this page, by ``.bare`` whether a bare address in
-        the history stands for another state than the initial one, by ``.settings`` what is yet to be applied.
+    key
+        Session-state key of the parameters last written by :func:`write_parameters`. The same key followed by ``.seen``
+        holds the address with which the browser last requested this page; by ``.bare``, whether a bare address in the
+        history stands for another state than the initial one; by ``.settings``, the parameters not applied yet.
     """
     state, found, stepped = st.session_state, st.query_params.to_dict(), inside.is_history_step()
-    seen, last = state.get(f"{written}.seen"), state.get(written)
-    state[f"{written}.seen"] = {**found}  # who gets the parameters takes out what they apply
-    if last and not found and not stepped and from_another_page():
-        state[f"{written}.bare"] = True
-    if found == last:
+    requested_before, written = state.get(f"{key}.seen"), state.get(key)
+    state[f"{key}.seen"] = {**found}  # a copy: the caller removes the parameters it applies
+    if written and not found and not stepped and from_another_page():
+        state[f"{key}.bare"] = True
+    if found == written:
         return None
     if stepped:
-        return found if found or not state.get(f"{written}.bare") else None
-    return found if found and found != seen else None
+        return found if found or not state.get(f"{key}.bare") else None
+    return found if found and found != requested_before else None
 
 
-def write_parameters(written: str, parameters: dict[str, str]) -> None:
-    """Write parameters into the address, replacing all others."""
-    st.session_state[written] = parameters
+def write_parameters(key: str, parameters: dict[str, str]) -> None:
+    """Write parameters into the address, replacing all others, and record them under `key`."""
+    st.session_state[key] = parameters
     if not parameters:
-        st.session_state[f"{written}.bare"] = False
+        st.session_state[f"{key}.bare"] = False
     if (found := st.query_params.to_dict()) != parameters:
-        st.session_state[f"{written}.seen"] = found
+        st.session_state[f"{key}.seen"] = found
         st.query_params.from_dict(parameters)
 
 
@@ -194,35 +197,35 @@ def warn_ignored(name: str, value: str, allowed: Sequence[str]) -> None:
 
 @dataclass(frozen=True)
 class Address(Generic[InputsT]):
-    """The address of a page, with its choices and the settings that differ from the initial ones.
+    """The address of a page: its choices, and the settings that differ from the initial ones.
 
     Attributes
     ----------
-    written
-        Session-state key of the parameters the page wrote last.
+    key
+        Session-state key of the parameters that the page wrote last.
     choices
         Returns the choices by their names in the address.
-    first
+    initial
         Returns the initial settings for the given inputs, by the prefix of their parameters.
     set_controls
-        Sets the controls to some of these settings, given them and the inputs.
+        Takes settings and the inputs, and sets the controls to these settings.
     check
         Raises :class:`~stereolag.core.settings.SettingsError` for values that the inputs do not allow.
     """
 
-    written: str
+    key: str
     choices: Callable[[], Mapping[str, Choice]]
-    first: Callable[[InputsT], Mapping[str, Settings]]
+    initial: Callable[[InputsT], Mapping[str, Settings]]
     set_controls: Callable[[Any, InputsT], None]
     check: Callable[[Any, InputsT], None] = lambda settings, inputs: None
 
     def recall_choices(self) -> dict[str, str] | None:
         """Apply the choices that a new address names, and reset the others to their initial values.
 
-        They must not have been drawn yet. Returned, and kept until :meth:`recall_settings` takes them, in this run or a
-        later one, are the other parameters; None if the address is not new.
+        Call it before the choices are drawn. Return the other parameters, which are kept until
+        :meth:`recall_settings` takes them, in this run or a later one; None if the address is not new.
         """
-        found = new_parameters(self.written)
+        found = new_parameters(self.key)
         if found is None:
             return None
         for name, choice in self.choices().items():
@@ -234,24 +237,24 @@ class Address(Generic[InputsT]):
                 st.session_state[choice.key] = choice.allowed[0]
             if value is not None:
                 warn_ignored(name, value, choice.allowed)
-        st.session_state[f"{self.written}.settings"] = found
+        st.session_state[f"{self.key}.settings"] = found
         return found
 
     def recall_settings(self, inputs: InputsT) -> None:
-        """Set the controls to the settings of a new address, which sets all others to their initial values.
+        """Set the controls to the settings of a new address, or to their initial values where it gives none.
 
-        They must not have been drawn yet.
+        Call it before the controls are drawn.
         """
-        found: dict[str, str] | None = st.session_state.pop(f"{self.written}.settings", None)
+        found: dict[str, str] | None = st.session_state.pop(f"{self.key}.settings", None)
         if found is None:
             return
-        groups = self.first(inputs)
-        for prefix, first in groups.items():
-            of_others = tuple(one for one in groups if one != prefix and one.startswith(prefix))
-            own = [name for name in found if name.startswith(prefix) and not name.startswith(of_others)]
+        groups = self.initial(inputs)
+        for prefix, initial in groups.items():
+            longer_prefixes = tuple(one for one in groups if one != prefix and one.startswith(prefix))
+            own = [name for name in found if name.startswith(prefix) and not name.startswith(longer_prefixes)]
             recalled, ignored = recalled_settings(
                 {name.removeprefix(prefix): found[name] for name in own},
-                first,
+                initial,
                 prefix=prefix,
                 check=lambda settings: self.check(settings, inputs),
             )
@@ -267,18 +270,18 @@ class Address(Generic[InputsT]):
         return inputs
 
     def write(self, inputs: InputsT, settings: Mapping[str, Settings], **more: str) -> None:
-        """Write the choices that differ from their initial values, settings that do, by their prefix, and `more`."""
-        first = self.first(inputs)
-        parameters = self._chosen() | more
+        """Write the choices and settings that differ from their initial ones, and `more`; settings come by prefix."""
+        initial = self.initial(inputs)
+        parameters = self._changed_choices() | more
         for prefix, now in settings.items():
-            parameters |= {prefix + name: text for name, text in parameters_of(now, first[prefix]).items()}
-        write_parameters(self.written, parameters)
+            parameters |= {prefix + name: text for name, text in parameters_of(now, initial[prefix]).items()}
+        write_parameters(self.key, parameters)
 
     def write_choices(self) -> None:
-        """Write the choices alone, while there are no inputs yet."""
-        write_parameters(self.written, self._chosen())
+        """Write only the choices, while there are no inputs yet."""
+        write_parameters(self.key, self._changed_choices())
 
-    def _chosen(self) -> dict[str, str]:
+    def _changed_choices(self) -> dict[str, str]:
         """Return the choices that differ from their initial values, as parameters."""
         choices = self.choices()
         values = {name: st.session_state.get(choice.key) for name, choice in choices.items()}

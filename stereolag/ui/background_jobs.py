@@ -1,6 +1,6 @@
-"""Heavy computations, which take turns in the background, and what happens when a visitor leaves.
+"""Heavy computations, which take turns in the background, and their end when the visitor leaves.
 
-The page stays responsive meanwhile, shows the progress and can cancel it.
+Meanwhile the page stays responsive, shows the progress and offers to cancel.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class Job(Generic[T]):
     Parameters
     ----------
     work
-        Takes this job, reports its progress and the best result so far to it, checks `cancelled` now and then, and
-        returns the result. It must not call Streamlit, which has no session in that thread.
+        Takes this job, reports progress and the best result so far to it, checks `cancelled` now and then, and returns
+        the result. It must not call Streamlit, which has no session in that thread.
     estimate
         Estimated time and memory.
 
@@ -68,7 +68,7 @@ class Job(Generic[T]):
 
     @property
     def running(self) -> bool:
-        """Return whether the job is waiting or being computed."""
+        """Return whether the job is waiting or running."""
         return not self._future.done()
 
     def cancel(self) -> None:
@@ -84,7 +84,7 @@ class Job(Generic[T]):
         self.progress = fraction
 
     def report_or_end(self, fraction: float) -> None:
-        """Record the progress; raise CancelledError to end the work if the job was cancelled."""
+        """Record the progress, or raise CancelledError if the job was cancelled, which ends the work."""
         if self.cancelled:
             raise CancelledError
         self.report(fraction)
@@ -94,39 +94,41 @@ class Job(Generic[T]):
         self.so_far = so_far
 
 
-HEAVY_MEMORY = 256 * 10**6
-HEAVY_S = 2.0
-"""Jobs below both this memory, bytes, and this time, s, do not wait for a turn."""
+HEAVY_BYTES = 256 * 10**6
+"""Memory from which a job waits for its turn, bytes."""
 
-LOOKS_S = 0.2
+HEAVY_S = 2.0
+"""Time from which a job waits for its turn, s."""
+
+POLL_INTERVAL_S = 0.2
 """Interval at which a waiting job checks whether it was cancelled, s."""
 
 
 def is_heavy(estimate: Estimate) -> bool:
     """Return whether a job has to wait for its turn."""
-    return estimate.memory >= HEAVY_MEMORY or estimate.seconds >= HEAVY_S
+    return estimate.memory >= HEAVY_BYTES or estimate.seconds >= HEAVY_S
 
 
 class Limiter:
-    """Admits jobs, or streams, in order of arrival while memory and places suffice for one more.
+    """Admits jobs, or streams, in order of arrival, as memory and places allow.
 
     Parameters
     ----------
-    memory
-        Limit for all admitted jobs together, bytes; a single job is always admitted.
-    at_once
-        Largest number of jobs admitted at a time.
+    max_memory
+        Limit for all admitted jobs together, bytes; a job on its own is always admitted.
+    max_jobs
+        Number of jobs that may be admitted at a time.
     """
 
-    def __init__(self, memory: int, at_once: int) -> None:
-        self._memory = memory
-        self._at_once = at_once
+    def __init__(self, max_memory: int, max_jobs: int) -> None:
+        self._max_memory = max_memory
+        self._max_jobs = max_jobs
         self._admitted: dict[object, int] = {}
         self._waiting: dict[object, int] = {}
         self._changed = threading.Condition()
 
     def admit(self, job: object, memory: int = 0) -> bool:
-        """Return whether a job that needs `memory` bytes is admitted; if not, it waits for its turn from now on."""
+        """Return whether a job that needs `memory` bytes is admitted; if not, queue it."""
         with self._changed:
             if job not in self._admitted:
                 self._waiting.setdefault(job, memory)
@@ -137,7 +139,7 @@ class Limiter:
             return True
 
     def release(self, job: object) -> None:
-        """Let a job go that was admitted, or waits."""
+        """Remove a job, whether it was admitted or is waiting."""
         with self._changed:
             self._waiting.pop(job, None)
             self._admitted.pop(job, None)
@@ -148,12 +150,12 @@ class Limiter:
         return job in self._admitted
 
     def turn(self, job: object) -> int:
-        """Return the number of a job among those that wait, from 1; 0 if it does not."""
+        """Return the position of a job in the queue, from 1; 0 if it is not waiting."""
         with self._changed:
             return [*self._waiting].index(job) + 1 if job in self._waiting else 0
 
     def ahead(self, job: object) -> int:
-        """Return the number of jobs ahead of one that is waiting, admitted ones too; 0 if it is not."""
+        """Return the number of jobs ahead of a waiting one, including those admitted; 0 if it is not waiting."""
         turn = self.turn(job)
         return len(self._admitted) + turn - 1 if turn else 0
 
@@ -164,22 +166,22 @@ class Limiter:
         Raises
         ------
         CancelledError
-            `cancelled`, polled while waiting, returned True before it was this job's turn.
+            `cancelled`, which is polled while waiting, returned True before the job's turn came.
         """
         try:
             with self._changed:
                 while not self.admit(job, memory):
                     if cancelled():
                         raise CancelledError
-                    self._changed.wait(LOOKS_S)
+                    self._changed.wait(POLL_INTERVAL_S)
             yield
         finally:
             self.release(job)
 
     def _fits(self, job: object, memory: int) -> bool:
         is_next = next(iter(self._waiting)) is job
-        places_suffice = len(self._admitted) < self._at_once
-        memory_suffices = sum(self._admitted.values()) + memory <= self._memory
+        places_suffice = len(self._admitted) < self._max_jobs
+        memory_suffices = sum(self._admitted.values()) + memory <= self._max_memory
         return is_next and (not self._admitted or (places_suffice and memory_suffices))
 
 
@@ -189,8 +191,8 @@ def limiter() -> Limiter:
     return Limiter(limits().job_memory, max(1, available_cores() // 2))
 
 
-AFTERWARDS_S = 2.0
-"""How long after the final end of a session its memory is given back, together with that of others, s."""
+CLEANUP_DELAY_S = 2.0
+"""Delay between the final end of a session and the release of its memory, together with that of others, s."""
 
 
 @dataclass(eq=False)
@@ -200,7 +202,7 @@ class Visit:
     jobs: dict[str, tuple[str, Job[Any]]] = field(default_factory=dict)
 
     def end(self) -> None:
-        """Cancel all jobs, and give the memory back later."""
+        """Cancel all jobs, and have the memory released later."""
         for _, job in self.jobs.values():
             job.cancel()
         _departures().put(time.monotonic())
@@ -214,52 +216,52 @@ def this_visit() -> Visit:
 
 @functools.cache
 def _departures() -> SimpleQueue[float]:
-    """Return the queue of the times at which visitors left; a thread waits at its other end."""
+    """Return the queue of the times at which visitors left, which a thread consumes."""
     departures: SimpleQueue[float] = SimpleQueue()
     threading.Thread(target=_give_memory_back_after, args=(departures,), daemon=True).start()
     return departures
 
 
 def _give_memory_back_after(departures: SimpleQueue[float]) -> None:
-    """Give memory back once no ended session can be resumed any more, and once for all that ended meanwhile."""
+    """Release memory once ended sessions can no longer be resumed, once for all that end in the meantime."""
     while True:
         last = departures.get()
         while not departures.empty():
             last = departures.get()
-        wait_s = st.get_option("server.disconnectedSessionTTL") + AFTERWARDS_S
+        wait_s = st.get_option("server.disconnectedSessionTTL") + CLEANUP_DELAY_S
         time.sleep(max(0.0, last + wait_s - time.monotonic()))
         give_memory_back()
 
 
 def give_memory_back() -> None:
-    """Drop what ended sessions left, and return freed memory to the system."""
+    """Drop the remains of ended sessions, and return freed memory to the system."""
     inside.forget_ended_sessions()
     memory.release_memory()
     inside.freeze_imports()
     memory.ask_allocator("malloc_trim", 0)
 
 
-BETWEEN_LOOKS_S = 0.4
+REFRESH_INTERVAL_S = 0.4
 """Interval at which the page refreshes the progress of a job, s."""
 
 
 def watch(job: Job[Any], show: Callable[[], None], *, until_cancelled: bool = False) -> None:
-    """Draw a part of the page by `show` now and then while a job is running, and once it has ended the whole page.
+    """Redraw a part of the page with `show` while a job is running, and rerun the whole page once it has ended.
 
-    The part is drawn once if the job has ended already. With `until_cancelled`, a job that was asked to stop has ended.
+    If the job has already ended, the part is drawn once. With `until_cancelled`, a cancelled job counts as ended.
     """
 
     def running() -> bool:
         return job.running and not (until_cancelled and job.cancelled)
 
-    at_first = running()
+    ran_at_first = running()
 
-    def look() -> None:
-        if at_first and not running():
+    def refresh() -> None:
+        if ran_at_first and not running():
             st.rerun(scope="app")
         show()
 
-    st.fragment(look, run_every=BETWEEN_LOOKS_S if at_first else None)()
+    st.fragment(refresh, run_every=REFRESH_INTERVAL_S if ran_at_first else None)()
 
 
 def show_busy(
@@ -270,7 +272,7 @@ def show_busy(
     Parameters
     ----------
     job
-        The job, waiting or being computed.
+        The job, waiting or running.
     label
         Text of the progress bar.
     key
@@ -278,12 +280,15 @@ def show_busy(
     done
         Fraction done, 0..1; that of the job if None.
     ending
-        Help of the button, which says what ending the job does.
+        Help of the button: the effect of ending the job.
     """
     with st.container(horizontal=True, vertical_alignment="center"):
         if job.ahead:
-            turn = f"You are number {job.ahead + 1}"
-            prose.info(f"{turn}: large computations take turns here. Yours begins by itself.", icon=":material/groups:")
+            prose.info(
+                f"You are number {job.ahead + 1} in the queue: large computations take turns here. Yours will start by "
+                "itself.",
+                icon=":material/groups:",
+            )
         else:
             st.progress(min(max(job.progress if done is None else done, 0.0), 1.0), typeset(label))
         st.button(

@@ -1,4 +1,4 @@
-"""The calibration page: pictures of a board, its corners, the pairs that count, the fit, and how good that is.
+"""The calibration page: pictures of a board, its corners, the pairs used, the calibration and its accuracy.
 
 The pictures are a drawn example or the visitor's own files, matched by name.
 """
@@ -50,7 +50,7 @@ from stereolag.ui.elements import (
     announce,
     in_columns,
     refusals_shown,
-    show_line,
+    show_numbers,
     show_picture,
     show_refused,
 )
@@ -69,14 +69,16 @@ from stereolag.ui.uploads import (
 KEY = "calibrate"
 FILES = f"{KEY}.files"
 
-PAIRS = 11
-WRONG_PAIR = 6
-"""Index of the pair whose right picture is from another moment, so that it contradicts the others."""
+EXAMPLE_PAIRS = 11
+"""Number of pairs of a drawn example."""
+
+MISMATCHED_PAIR = 6
+"""Index of the pair in an example whose right picture is from another moment, so that it contradicts the others."""
 
 
 @dataclass(frozen=True)
 class DrawnExample:
-    """A drawn example: its board, and the side of the squares, metres."""
+    """A drawn example: its board, the side of its squares, metres, and whether pictures show only parts of it."""
 
     title: str
     board: Board
@@ -104,11 +106,14 @@ def drawn_rig() -> StereoRig:
     )
 
 
-BYTES_PER_PIXEL = 24
-"""Memory for two decoded pictures, their grey versions and the corner search."""
+SEARCH_BYTES_PER_PIXEL = 24
+"""Memory for two decoded pictures, their grey versions and the corner search, per pixel of a picture."""
 
-PICTURE_S, MEGAPIXEL_S = 0.15, 0.12
-"""Time per picture, and per megapixel of it, s."""
+SEARCH_S_PER_PICTURE = 0.15
+"""Time to look for a board in a picture, s, apart from that for its pixels."""
+
+SEARCH_S_PER_MEGAPIXEL = 0.12
+"""Time to look for a board in a megapixel, s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,16 +139,16 @@ class BoardPictures(Inputs):
 
     def estimate(self, pairs: int) -> Estimate:
         """Return the cost of looking for the board in a number of pairs."""
-        seconds = 2 * pairs * (PICTURE_S + MEGAPIXEL_S * self.pixels / 1e6)
-        return Estimate(BYTES_PER_PIXEL * self.pixels + 64 * 2**20, seconds)
+        seconds = 2 * pairs * (SEARCH_S_PER_PICTURE + SEARCH_S_PER_MEGAPIXEL * self.pixels / 1e6)
+        return Estimate(SEARCH_BYTES_PER_PIXEL * self.pixels + 64 * 2**20, seconds)
 
 
 def choose_board_pictures() -> BoardPictures | None:
-    """Ask which pictures to calibrate from; None if a live camera is to take them."""
+    """Ask which pictures to calibrate from; return None if a live camera is to take them."""
     with head("Calibrate"):
         chosen = choose(EXAMPLES, key=KEY, live="Live camera")
         show_try_first(
-            "start the camera, and hold a printed chessboard before it."
+            "start the camera, and hold a printed chessboard in front of it."
             if chosen == LIVE
             else "leave out a pair with a click, and see how the errors change."
         )
@@ -156,13 +161,13 @@ def choose_board_pictures() -> BoardPictures | None:
 def _example(name: str) -> BoardPictures:
     example = EXAMPLES[name]
     *pairs, another = drawn_pairs(
-        drawn_rig(), example.board, PAIRS + 1, square_m=example.square_m, seed=5, partly=example.partly
+        drawn_rig(), example.board, EXAMPLE_PAIRS + 1, square_m=example.square_m, seed=5, partly=example.partly
     )
-    pairs[WRONG_PAIR] = pairs[WRONG_PAIR][0], another[1]
+    pairs[MISMATCHED_PAIR] = pairs[MISMATCHED_PAIR][0], another[1]
     names = tuple(str(number) for number in range(1, len(pairs) + 1))
     description = (
         f"{len(pairs)} pairs **drawn by this app** with a camera whose lens and position are known, so that the result "
-        f"can be checked. The right picture of pair {WRONG_PAIR + 1} is from another moment."
+        f"can be checked. The right picture of pair {MISMATCHED_PAIR + 1} is from another moment."
     )
     return BoardPictures(description, f"drawn {name}", True, names, pairs, pairs[0][0].size, name)
 
@@ -182,19 +187,19 @@ def _own() -> BoardPictures | None:
     )
     if given is None:
         return None
-    names, pairs, pixels, alone = given.content
-    named = ", ".join(map(quote, alone[:MOST_NAMED]))
-    unused = f" Not used, without a partner or no pictures: {named}." if alone else ""
-    description = f"{len(names)} pairs, matched by name.{unused}"
+    names, pairs, pixels, unused = given.content
+    listed = ", ".join(map(quote, unused[:MAX_NAMED_FILES]))
+    remark = f" Not used, as they have no partner or are not pictures: {listed}." if unused else ""
+    description = f"{len(names)} pairs, matched by name.{remark}"
     return BoardPictures(description, hashlib.sha256(given.digest.encode()).hexdigest(), False, names, pairs, pixels)
 
 
-MOST_NAMED = 4
-"""Most files named that are not used."""
+MAX_NAMED_FILES = 4
+"""Number of unused files listed by name."""
 
 
 def matched(files: Sequence[tuple[str, bytes]]) -> tuple[tuple[str, ...], Pairs, int, list[str]]:
-    """Return the names of the pairs, the pairs, the pixels of a picture, and the files that are not used."""
+    """Return the names of the pairs, the pairs, the number of pixels of a picture, and the unused files."""
     readers: dict[str, Callable[[], bytes]] = {}
     for name, data in files:
         if is_archive(data):
@@ -211,25 +216,29 @@ def matched(files: Sequence[tuple[str, bytes]]) -> tuple[tuple[str, ...], Pairs,
     return tuple(escape(pair.name) for pair in pairs), pictures, pixels, [name for name in readers if name not in used]
 
 
-# The board, and the fit
+# The board, and the calibration
 
-SQUARE_MM = (0.1, 10_000.0)
+SQUARE_LIMITS_MM = (0.1, 10_000.0)
+"""Lowest and highest side of a square that can be entered, mm."""
 
-MEMORY, PAIR_S = 64 * 2**20, 0.35
-"""Cost of a calibration: memory, bytes, and time per pair, s, if the board is bent; a flat one takes a quarter."""
+CALIBRATION_BYTES = 64 * 2**20
+"""Memory of a calibration, bytes."""
+
+CALIBRATION_S_PER_PAIR = 0.35
+"""Time of a calibration per pair, s, if the board is bent; a flat one takes a quarter."""
 
 
 def ask_board(pictures: BoardPictures) -> tuple[Board, float | None] | None:
     """Ask for the board, initially the guessed one, and the side of its squares, metres; None while it is unknown.
 
-    Nobody may take lengths for granted that nobody has measured: own files have no side at first.
+    For own files the side is initially empty, since all lengths depend on it and only the visitor can measure it.
     """
     guessed = _guess(pictures, None)
     if guessed is None:
         return None
     if isinstance(guessed, Refusal):
         prose.warning(guessed.reason, icon=":material/grid_off:")
-    at_first = guessed if isinstance(guessed, Board) else None
+    initial = guessed if isinstance(guessed, Board) else None
     example = EXAMPLES.get(pictures.example or "")
     with st.container(horizontal=True, gap="small"):
         columns, rows = (
@@ -243,13 +252,13 @@ def ask_board(pictures: BoardPictures) -> tuple[Board, float | None] | None:
                 help="Inner corners, where four squares meet: one fewer than squares. Guessed from the pictures.",
             )
             for label, value in (
-                ("Corners across", at_first.columns if at_first else None),
-                ("Corners down", at_first.rows if at_first else None),
+                ("Corners across", initial.columns if initial else None),
+                ("Corners down", initial.rows if initial else None),
             )
         )
     side = st.number_input(
         "Side of a square, mm",
-        *SQUARE_MM,
+        *SQUARE_LIMITS_MM,
         1000 * example.square_m if example else None,
         format="%.3f",
         placeholder="measure it",
@@ -259,17 +268,17 @@ def ask_board(pictures: BoardPictures) -> tuple[Board, float | None] | None:
     if columns is None or rows is None:
         return None
     size = int(columns), int(rows)
-    asked = at_first if at_first and size == (at_first.columns, at_first.rows) else _guess(pictures, size)
-    if isinstance(asked, Refusal):
-        show_refused(asked.reason)
-    if not isinstance(asked, Board):
+    board = initial if initial and size == (initial.columns, initial.rows) else _guess(pictures, size)
+    if isinstance(board, Refusal):
+        show_refused(board.reason)
+    if not isinstance(board, Board):
         return None
-    prose.caption(f"{board_in_words(asked)} {'Guessed from the pictures.' if asked == at_first else 'As entered.'}")
-    return asked, None if side is None else float(side) / 1000
+    prose.caption(f"{board_in_words(board)} {'Guessed from the pictures.' if board == initial else 'As entered.'}")
+    return board, None if side is None else float(side) / 1000
 
 
 def _guess(pictures: BoardPictures, size: tuple[int, int] | None) -> Board | Refusal | None:
-    """Return the board or why there is none, or None while looking for it; a known size leaves only its kind open."""
+    """Return the board, or why none was found, or None during the search; with a known size, only guess its kind."""
     return computed_in_turn(
         "board",
         attempted(lambda _: guess_board(pictures.pairs, size)),
@@ -280,7 +289,7 @@ def _guess(pictures: BoardPictures, size: tuple[int, int] | None) -> Board | Ref
 
 
 def found_boards(pictures: BoardPictures, board: Board) -> BoardViews | None:
-    """Return the corners in all pictures; None during the search, or if it is refused, with the reason shown."""
+    """Return the corners in all pictures; None during the search, or if it fails, in which case the reason is shown."""
     return computed_or_refused(
         "corners",
         lambda progress: find_boards(pictures.pairs, board, progress=progress),
@@ -291,13 +300,12 @@ def found_boards(pictures: BoardPictures, board: Board) -> BoardViews | None:
 
 
 def ask_pairs(pictures: BoardPictures, views: BoardViews) -> frozenset[int]:
-    """Ask which of the pairs with a board in both pictures count; return the numbers of those to leave out."""
-    both = enumerate(zip(views.left, views.right, strict=True))
-    usable = [number for number, (left, right) in both if left is not None and right is not None]
+    """Ask which of the pairs with a board in both pictures to use; return the numbers of those to leave out."""
+    usable = [*views.both]
     if not usable:
         return frozenset()
-    counting = st.pills(
-        "Pairs that count: a click leaves one out, and takes it in again",
+    used = st.pills(
+        "Pairs used: click one to leave it out or to use it again",
         usable,
         selection_mode="multi",
         default=usable,
@@ -305,23 +313,23 @@ def ask_pairs(pictures: BoardPictures, views: BoardViews) -> frozenset[int]:
         **persistent(f"{KEY}.count.{pictures.digest}.{views.board!r}"),
         wrap=True,
     )
-    return frozenset(usable) - frozenset(counting)
+    return frozenset(usable) - frozenset(used)
 
 
 def calibrated(
     pictures: BoardPictures, views: BoardViews, square_m: float | None, leave_out: frozenset[int]
 ) -> StereoCalibration | None:
-    """Return the calibration; None while it is being computed, or if it is refused, with the reason shown."""
+    """Return the calibration; None while it is computed, or if it fails, in which case the reason is shown."""
     if square_m is None:
         prose.info(
-            "Measure a square of the board, and enter its side: every length follows from it.",
+            "Measure a square of the board and enter its side: every length follows from it.",
             icon=":material/straighten:",
         )
         return None
     return computed_or_refused(
         "calibration",
         lambda _: calibrate_boards(views, square_m, leave_out=leave_out),
-        Estimate(MEMORY, PAIR_S * len(views)),
+        Estimate(CALIBRATION_BYTES, CALIBRATION_S_PER_PAIR * len(views)),
         **kept_for(pictures, f"{views.board!r} {square_m} {sorted(leave_out)}"),
         label="Calibrating …",
     )
@@ -331,7 +339,7 @@ def calibrated(
 
 
 def show_figures(pictures: BoardPictures, result: StereoCalibration) -> None:
-    """Show how good the calibration is, and the figures of the cameras."""
+    """Show the accuracy of the calibration, and the figures of the cameras."""
     calibration = result.calibration
     headline = (
         f"Calibrated from {len(result.used)} of {len(result.pairs)} pairs: {result.rms:.2f} px reprojection error."
@@ -341,7 +349,7 @@ def show_figures(pictures: BoardPictures, result: StereoCalibration) -> None:
         prose.header(headline.removesuffix("."), anchor=False, width="stretch")
         if st.button("Use it on the depth page", key=f"{KEY}.use", type="primary", icon=":material/arrow_forward:"):
             take_to_depth_page(calibration)
-    show_line(
+    show_numbers(
         (
             Number("Baseline", f"{1000 * calibration.baseline_m:.2f} mm", "The distance between the cameras."),
             Number("Focal length", f"{calibration.focal_px:,.1f} px", "Of the rectified pair."),
@@ -351,24 +359,22 @@ def show_figures(pictures: BoardPictures, result: StereoCalibration) -> None:
     )
     sentences = weaknesses(pictures.names, result)
     if pictures.example:
-        true = drawn_rig()
-        found = calibration.rig
+        true, found = drawn_rig(), calibration.rig
         assert found is not None
         sentences.append(
-            f"The camera that drew them: left focal length {true.left_matrix[0, 0]:,.1f} px (found "
+            f"The camera that drew the pictures: left focal length {true.left_matrix[0, 0]:,.1f} px (found "
             f"{found.left_matrix[0, 0]:,.1f}), right camera {-1000 * true.translation[0]:.1f} mm beside it (found "
             f"{-1000 * found.translation[0]:.1f})."
         )
     if sentences:
-        # Nobody has to act on the weaknesses of an example.
+        # A visitor cannot mend the weaknesses of an example.
         (prose.caption if pictures.example else prose.warning)("  \n".join(sentences))
 
 
 def choose_shown(pictures: BoardPictures, result: StereoCalibration | None, place: Container) -> int:
-    """Show the error of each pair; return the number of the one to show, picked by its bar or, in `place`, its name."""
+    """Show the error of each pair; return the number of the pair picked by its bar or, in `place`, by its name."""
     key = f"{KEY}.shown.{pictures.digest}"
-    at_first = next((number for number in (result.used if result else ())), 0)
-    shown = int(st.session_state.setdefault(key, at_first))
+    shown = int(st.session_state.setdefault(key, result.used[0] if result and result.used else 0))
     if result is not None:
         clicks = st.session_state.setdefault(f"{key}.clicks", 0)
         event = st.plotly_chart(
@@ -401,22 +407,22 @@ def choose_shown(pictures: BoardPictures, result: StereoCalibration | None, plac
 
 
 def show_pair(pictures: BoardPictures, views: BoardViews, number: int, result: StereoCalibration | None) -> None:
-    """Show both pictures of a pair with their corners, its errors, and whether it counts."""
+    """Show both pictures of a pair with their corners, its errors, and whether it is used."""
     report = result.pairs[number] if result else None
     left, right = (report.left, report.right) if report else (views.left[number], views.right[number])
 
-    def drawn(_: object) -> list[bytes]:
-        both = (as_image(one, "The picture") for one in pictures.pairs[number])
-        seen = views.left[number], views.right[number]
-        return [jpeg(with_corners(*one, views.board)) for one in zip(both, seen, strict=True)]
+    def draw(_: object) -> list[bytes]:
+        images = (as_image(picture, "The picture") for picture in pictures.pairs[number])
+        detected = views.left[number], views.right[number]
+        return [jpeg(with_corners(*one, views.board)) for one in zip(images, detected, strict=True)]
 
-    shown = computed(
+    drawn = computed(
         "corners drawn",
-        drawn,
+        draw,
         **kept_for(pictures, f"{views.board!r} {number}"),
         label="Drawing the corners …",
     )
-    for side, picture, corners in in_columns(zip(("Left", "Right"), shown, (left, right), strict=True), gap="small"):
+    for side, picture, corners in in_columns(zip(("Left", "Right"), drawn, (left, right), strict=True), gap="small"):
         found = "not found" if corners is None else f"{len(corners)} of {views.board.corners} corners"
         show_picture(picture, f"{side} picture of pair {pictures.names[number]}, its corners marked: {found}")
         prose.caption(f"{side}: {found}")
@@ -427,20 +433,20 @@ def show_pair(pictures: BoardPictures, views: BoardViews, number: int, result: S
 def show_rectified(pictures: BoardPictures, views: BoardViews, number: int, result: StereoCalibration) -> None:
     """Show a pair rectified by the calibration, with lines along its rows."""
 
-    def drawn(_: object) -> bytes:
+    def draw(_: object) -> bytes:
         rectified = rectify(*pictures.pairs[number], result.calibration)
         return jpeg(with_row_lines(rectified.left, rectified.right))
 
     with refusals_shown():
         data = computed(
             "rectified",
-            drawn,
+            draw,
             **kept_for(pictures, f"{number} {result.board!r} {result.used} {result.square_m}"),
             label="Rectifying the pair …",
         )
         name = f"Pair {pictures.names[number]}, rectified"
         show_picture(data, f"{name}, with lines along its rows")
-        prose.caption(f"{name}: a point on a line in the left picture lies on it in the right one.")
+        prose.caption(f"{name}: a point on a line in the left picture lies on the same line in the right one.")
 
 
 def show_coverage(pictures: BoardPictures, views: BoardViews, number: int, result: StereoCalibration) -> None:
@@ -454,9 +460,9 @@ def show_coverage(pictures: BoardPictures, views: BoardViews, number: int, resul
         ("Right", [pair.right for pair in used if pair.right], result.right_coverage),
     )
     for side, corners, share in in_columns(sides, gap="small"):
-        said = f"{side}: boards in {percent(share)} of the picture"
-        show_picture(png(coverage_picture(corners, size)), said)
-        prose.caption(said)
+        caption = f"{side}: boards covered {percent(share)} of the picture"
+        show_picture(png(coverage_picture(corners, size)), caption)
+        prose.caption(caption)
 
 
 def show_downloads(pictures: BoardPictures, views: BoardViews, number: int, result: StereoCalibration) -> None:
@@ -470,20 +476,20 @@ def show_downloads(pictures: BoardPictures, views: BoardViews, number: int, resu
             ("calibration.json", "JSON", calibration_json(result.calibration)),
         ):
             download_button(label, content, name, key=f"{KEY}.download.{name}", icon=":material/download:")
-    prose.caption("Lengths are in metres. The calibration is kept in this session only: download it to keep it.")
+    prose.caption("Lengths are in metres. The calibration is kept only in this session: download it to keep it.")
 
 
 # Sentences
 
-SEEN_OFF_GRID = 0.01
-"""Squares by which a corner must be off its place for the page to speak of it."""
+MIN_OFF_GRID_SQUARES = 0.01
+"""Distance of a corner from an even grid from which the page mentions it, as a share of a square's side."""
 
 WHY_LEFT_OUT = {
     LeftOut.NOT_FOUND: "the board was not found in either picture",
     LeftOut.NOT_FOUND_LEFT: "the board was not found in the left picture",
     LeftOut.NOT_FOUND_RIGHT: "the board was not found in the right picture",
     LeftOut.OTHER_SIZE: "its pictures differ in size from most",
-    LeftOut.FEW_IN_COMMON: "both pictures share too few corners",
+    LeftOut.FEW_IN_COMMON: "its pictures share too few corners",
     LeftOut.SAME_VIEW: "it shows the same view as an earlier pair",
     LeftOut.NOT_FLAT: "its corners are not those of a flat board",
     LeftOut.CONTRADICTS: "it contradicts the others: not taken at the same moment, or the board turned round in "
@@ -505,7 +511,7 @@ def board_in_words(board: Board) -> str:
 
 
 def pair_in_words(report: PairReport) -> str:
-    """Return sentences about the errors of a pair and whether it counts."""
+    """Return sentences about the errors of a pair and whether it is used."""
     errors = (
         ""
         if math.isnan(report.left_rms)
@@ -515,7 +521,7 @@ def pair_in_words(report: PairReport) -> str:
     if report.left_out is not None:
         return f"{errors}Left out: {WHY_LEFT_OUT[report.left_out]}."
     turned = " The right picture’s corners, counted from the other end, were reordered." if report.turned else ""
-    return f"{errors}It counts.{turned}"
+    return f"{errors}Used.{turned}"
 
 
 @typesets
@@ -527,25 +533,25 @@ def errors_in_words(names: Sequence[str], result: StereoCalibration) -> str:
         if pair.left_out is None
     }
     if not errors:
-        return "Reprojection error of each pair: none counts."
+        return "Reprojection error of each pair: none is used."
     worst = max(errors, key=errors.__getitem__)
     left_out = len(result.pairs) - len(errors)
     return (
         f"Reprojection error of each pair, left and right: {min(errors.values()):.2f} to {errors[worst]:.2f} px, the "
-        f"largest for pair {worst}; {left_out} {'pair does' if left_out == 1 else 'pairs do'} not count."
+        f"largest for pair {worst}; {left_out} {'pair is' if left_out == 1 else 'pairs are'} left out."
     )
 
 
 def weaknesses(names: Sequence[str], result: StereoCalibration) -> list[str]:
-    """Return sentences about the weaknesses of a calibration, and how to mend them."""
+    """Return sentences about the weaknesses of a calibration and their remedies."""
     sentences = []
     for reason in LeftOut:
         out = [name for name, pair in zip(names, result.pairs, strict=True) if pair.left_out is reason]
         if out and reason is not LeftOut.BY_HAND:
             sentences.append(f"Left out: pair {', '.join(out)} – {WHY_LEFT_OUT[reason]}.")
-    if result.off_grid_m > SEEN_OFF_GRID * result.square_m:
+    if result.off_grid_m > MIN_OFF_GRID_SQUARES * result.square_m:
         sentences.append(
-            f"The corners of the board are up to {1000 * result.off_grid_m:.2g} mm off a flat, even grid: that is "
-            "measured in the pictures, and taken into account."
+            f"The corners of the board are up to {1000 * result.off_grid_m:.2g} mm off a flat, even grid. This was "
+            "measured from the pictures and is taken into account."
         )
     return [*sentences, *result.doubts]

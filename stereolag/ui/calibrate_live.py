@@ -1,4 +1,4 @@
-"""Calibration with a live camera: it takes a picture whenever the board is held still in a new way, and says which."""
+"""Calibration with a live camera, which takes a pair whenever the board is held still in a new pose it asked for."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ from stereolag.ui.navigation import bench, fragment
 from stereolag.ui.streams import Message, connected, frame, open_stream
 from stereolag.ui.uploads import OWN, hand_in
 
-ALIKE = 3
-"""Number of frames in a row that must show the same board for it to be known."""
+FRAMES_TO_AGREE = 3
+"""Number of successive frames that must show the same board for it to be accepted."""
 
-MOST_SEEN = 30
-"""Frames kept to judge the speed of a board from, whatever their times."""
+MAX_RECENT_SIGHTINGS = 30
+"""Number of sightings of the board kept to estimate its speed, whatever their times."""
 
 LIVE_WORDS = {
     "start": "Start the camera",
@@ -45,19 +45,19 @@ LIVE_WORDS = {
     "finish": "Calibrate with these",
     "restart": "Start over",
     "picture": "Picture covered",
-    "size": "Near enough",
+    "size": "Held close",
     "tilt": "Tilted",
     "none": "No picture taken yet",
     "one": "1 pair taken",
     "several": "{count} pairs taken",
-    "shown": "Both views, with the corners of the board, and the parts where it has been",
+    "shown": "Both views, with the corners of the board and the parts where it has been",
 }
 
 UNKNOWN = "Show a whole chessboard or ChArUco board, in both views."
 NOT_SEEN = {
-    (False, False): "The board is seen in neither view.",
-    (False, True): "The board is not seen in the left view.",
-    (True, False): "The board is not seen in the right view.",
+    (False, False): "The board is visible in neither view.",
+    (False, True): "The board is not visible in the left view.",
+    (True, False): "The board is not visible in the right view.",
 }
 NEXT = {
     Missing.UPPER_LEFT: "Hold the board at the upper left of the picture.",
@@ -74,23 +74,23 @@ NEXT = {
     Missing.RIGHT_NEARER: "Tilt the board: bring the side on the right nearer.",
     Missing.TOP_NEARER: "Tilt the board: bring its upper side nearer.",
     Missing.BOTTOM_NEARER: "Tilt the board: bring its lower side nearer.",
-    Missing.MORE: "A few more, each held in another way.",
+    Missing.MORE: "A few more, each held differently.",
 }
 
 
 Places: TypeAlias = list[list[float]]
-"""Places in a picture: column and row, as shares of its sides."""
+"""Places in a picture: column and row, as fractions of its width and height."""
 
 
 class Shown(Message):
-    """A small picture with both views and when it was taken, ms; or both in full size, as files are."""
+    """A small picture of both views and when it was taken, ms; or both views in full size, as image files."""
 
     parts: tuple[bytes] | tuple[bytes, bytes]
     at: float = 0.0
 
 
-class Seen(NamedTuple):
-    """The corners of a board in both views, and when they were there, ms."""
+class Sighting(NamedTuple):
+    """The corners of a board in both views, and when they were seen, ms."""
 
     at: float
     corners: tuple[Corners, Corners]
@@ -98,7 +98,7 @@ class Seen(NamedTuple):
 
 @dataclass(eq=False)
 class Taking:
-    """What is known of a visitor's board and of the pairs taken of it.
+    """A visitor's board and the pairs taken of it so far.
 
     Attributes
     ----------
@@ -106,23 +106,23 @@ class Taking:
         The board, once enough frames have shown the same one.
     guesses
         The boards that the last frames seem to show.
-    seen
-        The board in the last frames, as far back as its speed is judged from; nothing once a view is without it.
+    recent
+        The board in the last frames, as many as its speed is estimated from; empty once it leaves a view.
     collected
         The poses taken.
     files
         Both pictures of each pair, named as files to be uploaded.
     outlines
-        Where the board was in each, in both views: places as shares of the sides.
+        Outlines of the board in both views of each pair.
     size
         Width and height of these pictures, px.
     full
-        Whether they are as large together as an upload may be.
+        Whether the files together have reached the size limit of an upload.
     """
 
     board: Board | None = None
     guesses: list[Board] = field(default_factory=list)
-    seen: list[Seen] = field(default_factory=list)
+    recent: list[Sighting] = field(default_factory=list)
     collected: Collected = field(default_factory=Collected)
     files: list[tuple[str, bytes]] = field(default_factory=list)
     outlines: list[list[Places]] = field(default_factory=list)
@@ -131,46 +131,46 @@ class Taking:
 
     @property
     def missing(self) -> list[Missing]:
-        """Return what is still missing; nothing if no more may be taken."""
+        """Return the views still missing; none if no more pairs may be taken."""
         return [] if self.full else self.collected.missing()
 
     def answer(self, message: Shown) -> bytes:
-        """Return what the panel shows of a frame, or of a pair in full size."""
+        """Return the answer to a small picture, or to a pair in full size."""
         if len(message.parts) == 2:
             self._take(message.parts)
-            return self._shown()
+            return self._answer()
         left, right = (as_grey(view) for view in views(frame(message.parts[0]), Layout.BESIDE))
-        board = self.board = self.board or self._guessed(left, right)
+        board = self.board = self.board or self._guess(left, right)
         if board is None:
-            return self._shown()
+            return self._answer()
         size = left.shape[1], left.shape[0]
         first, second = find_in_live_frame(left, board), find_in_live_frame(right, board)
-        corners = [[] if one is None else _shares(one.points, size) for one in (first, second)]
+        corners = [[] if one is None else _fractions(one.points, size) for one in (first, second)]
         if first is None or second is None:
-            self.seen = []
-            return self._shown(NOT_SEEN[first is not None, second is not None], corners)
-        is_still = self._is_still(Seen(message.at, (first, second)), board, size[0])
+            self.recent = []
+            return self._answer(NOT_SEEN[first is not None, second is not None], corners)
+        is_still = self._is_still(Sighting(message.at, (first, second)), board, size[0])
         if not self.missing or not self.collected.is_new(board_pose(first, second, board, size)):
-            return self._shown("", corners)
-        return self._shown("" if is_still else "Hold it still …", corners, want=is_still)
+            return self._answer("", corners)
+        return self._answer("" if is_still else "Hold it still …", corners, want=is_still)
 
-    def _is_still(self, now: Seen, board: Board, width: int) -> bool:
-        """Note where a board is, and return whether it has hardly moved since the last frame long enough before."""
-        before = [one for one in self.seen if now.at - one.at >= 1000 * MIN_FRAME_GAP_S]
-        self.seen = [*self.seen[max(0, len(before) - 1) :][-MOST_SEEN:], now]
+    def _is_still(self, now: Sighting, board: Board, width: int) -> bool:
+        """Record a sighting, and return whether the board has hardly moved since the last one before the minimum gap."""
+        before = [one for one in self.recent if now.at - one.at >= 1000 * MIN_FRAME_GAP_S]
+        self.recent = [*self.recent[max(0, len(before) - 1) :][-MAX_RECENT_SIGHTINGS:], now]
         if not before:
             return False
         seconds = (now.at - before[-1].at) / 1000
         views = zip(now.corners, before[-1].corners, strict=True)
         return all(is_still(*view, board, width, seconds) for view in views)
 
-    def _guessed(self, left: Grey8, right: Grey8) -> Board | None:
+    def _guess(self, left: Grey8, right: Grey8) -> Board | None:
         """Return the board, once the last frames have all shown the same one."""
         guess = guess_charuco([left, right]) or guess_chessboard([left, right], thorough=False)
-        self.guesses = [] if guess is None else [*self.guesses, guess][-ALIKE:]
-        # The share of the markers is measured in each frame anew.
+        self.guesses = [] if guess is None else [*self.guesses, guess][-FRAMES_TO_AGREE:]
+        # The size of the markers is measured anew in each frame, so it may differ.
         kinds = {replace(one, markers=one.markers and replace(one.markers, share=0.5)) for one in self.guesses}
-        return guess if len(self.guesses) == ALIKE and len(kinds) == 1 else None
+        return guess if len(self.guesses) == FRAMES_TO_AGREE and len(kinds) == 1 else None
 
     def _take(self, pictures: tuple[bytes, bytes]) -> None:
         """Take both pictures of a pair, if they show the board in a new way."""
@@ -180,7 +180,7 @@ class Taking:
         size = self.size or found.size
         if set(found.sizes[0]) != {size}:
             raise ValueError(
-                "These pictures have another size than those taken before: start over, or choose the camera of before."
+                "These pictures differ in size from those taken before: start over, or choose the previous camera."
             )
         self.full = sum(map(len, [*pictures, *(data for _, data in self.files)])) > MAX_BYTES
         if not found.both or self.full:
@@ -194,10 +194,10 @@ class Taking:
         number = len(self.collected.poses)
         self.files += [(f"{side}{number:02}.jpg", data) for side, data in zip(("left", "right"), pictures, strict=True)]
         hulls = (cv2.convexHull(one.points.astype(np.float32))[:, 0].astype(np.float64) for one in (left, right))
-        self.outlines.append([_shares(hull, size) for hull in hulls])
+        self.outlines.append([_fractions(hull, size) for hull in hulls])
 
     def taken(self) -> dict[str, Any]:
-        """Return what the panel shows of the pairs taken so far."""
+        """Return the state of the pairs taken so far, for the panel."""
         missing = self.missing
         count = len(self.collected.poses)
         return {
@@ -210,22 +210,22 @@ class Taking:
             "enough": not missing,
         }
 
-    def _shown(self, said: str = "", corners: Sequence[Places] = (), want: bool = False) -> bytes:
-        """Return the answer to a frame: what to do next, the corners in both views, and whether it is wanted."""
+    def _answer(self, said: str = "", corners: Sequence[Places] = (), want: bool = False) -> bytes:
+        """Return an answer: what to do next, the corners in both views, and whether the pair is wanted in full size."""
         taken = self.taken()
         header = {"said": f"{said} {taken['said']}".strip(), "corners": corners, "wanted": want, "digest": "boards"}
         return packed_item(taken | header).data
 
 
-def _shares(places: DoubleMap, size: tuple[int, int]) -> Places:
-    """Return places in a picture as shares of its sides, to four decimals."""
-    shares: Places = np.round((places + 0.5) / size, 4).tolist()
-    return shares
+def _fractions(places: DoubleMap, size: tuple[int, int]) -> Places:
+    """Return places in a picture, px, as fractions of its width and height, to four decimals."""
+    fractions: Places = np.round((places + 0.5) / size, 4).tolist()
+    return fractions
 
 
 @fragment
 def show_live() -> None:
-    """Draw the camera; what it took becomes the page's own files when there is enough, or when the visitor wants it."""
+    """Draw the camera; the pairs become the page's own files once there are enough, or when the visitor says so."""
     taking: Taking = st.session_state.setdefault(f"{KEY}.live", Taking())
     stream = open_stream(KEY, Shown, taking.answer)
     controls, result_place = bench()
@@ -253,7 +253,7 @@ def _calibrate_with_these() -> None:
     if len(taking.collected.poses) < MIN_PAIRS:
         return
     count = len(taking.files) // 2
-    hand_in([*taking.files], matched, f"The {count} pairs that the camera has taken are in use.", key=FILES)
+    hand_in([*taking.files], matched, f"The {count} pairs that the camera took are in use.", key=FILES)
     st.session_state[KEY] = OWN
     if not taking.missing:
         _start_over()

@@ -1,11 +1,11 @@
-"""Components of the pages that run in the browser, each from a folder of ``web/``, and what is delivered to them.
+"""Components of the pages that run in the browser, each from a folder of ``web/``, and the data delivered to them.
 
 The scripts are plain ES modules, so that they can be checked and tested as they are. Streamlit takes the script of a
-component as one string and imports that from a ``blob:`` address, where relative imports lead nowhere; it serves the
-files of an ``asset_dir`` for installed packages alone, and the app is also started from a checkout. Files served by
-routes of our own would be a request for each module, to an address that depends on the path behind a proxy. So
-:func:`joined` puts a module and the modules it imports into one string, each in a scope of its own: no further request,
-no address, and nothing that a component does not use.
+component as one string and imports it from a ``blob:`` address, where relative imports do not work. It serves the files
+of an ``asset_dir`` only for installed packages, but the app can also be started from a checkout. Files served by our
+own routes would take one request per module, to an address that depends on the path behind a proxy. So :func:`joined`
+puts a module and the modules it imports into one string, each in its own scope: no more requests, no address, and
+nothing that a component does not use.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ WEB = Path(__file__).parent / "web"
 
 IMPORT = re.compile(r'^import \{([^}]*)\} from "(\.[^"]+)";\n', re.MULTILINE)
 EXPORT = re.compile(r"^export (?:async )?(?:function|class|const) (\w+)", re.MULTILINE)
-UNKNOWN = re.compile(r"^(?:import\b(?!\()|export (?!default\b)).*", re.MULTILINE)
-WITHIN = re.compile(r'^ *@import "(\.[^"]+)";\n', re.MULTILINE)
+UNSUPPORTED = re.compile(r"^(?:import\b(?!\()|export (?!default\b)).*", re.MULTILINE)
+INCLUDE = re.compile(r'^ *@import "(\.[^"]+)";\n', re.MULTILINE)
 
 
 VIEW = """
@@ -43,7 +43,7 @@ export default (component) => Shown.show(component, (panel, data, words, tools) 
   return html`{}`;
 }});
 """
-"""What shows a panel, the default export of its module, with its markup as a function: a template of lit-html."""
+"""Script that shows a panel, the default export of its module, with its markup as a function, a lit-html template."""
 
 
 @cache
@@ -54,7 +54,7 @@ def component(name: str) -> ComponentRenderer:
     return st.components.v2.component(
         f"stereolag.{name}",
         html='<div class="view"></div>' if (folder / f"{name}.html").exists() else None,
-        css=whole(sheet) if sheet.exists() else None,
+        css=expanded(sheet) if sheet.exists() else None,
         js=script(folder),
     )
 
@@ -62,26 +62,26 @@ def component(name: str) -> ComponentRenderer:
 def script(folder: Path) -> str:
     """Return the module of a component, with its markup if it has any.
 
-    It is read and declared where it is first shown. Its default export is the class of its panel, which gets its
-    markup: a template that `Panel` of ``web/shared/panel.js`` draws, with expressions in ``${…}``; it becomes a part of
-    the script, since a page may forbid to make code from text.
+    The default export of the module is the class of its panel. The markup is a template with expressions in ``${…}``
+    that `Panel` of ``web/shared/panel.js`` draws. It becomes part of the script, since a page's security policy may
+    forbid turning text into code.
     """
     markup = folder / f"{folder.name}.html"
-    view = VIEW.format(whole(markup).strip()) if markup.exists() else ""
+    view = VIEW.format(expanded(markup).strip()) if markup.exists() else ""
     return joined(folder / f"{folder.name}.js").replace("export default class", "const Shown = class") + view
 
 
-def whole(path: Path) -> str:
-    """Return a style sheet or a markup, with those it imports in place of the imports."""
-    return WITHIN.sub(lambda found: whole(path.parent / found[1]), path.read_text(encoding="utf-8"))
+def expanded(path: Path) -> str:
+    """Return a style sheet or markup, with its imports replaced by the imported files."""
+    return INCLUDE.sub(lambda found: expanded(path.parent / found[1]), path.read_text(encoding="utf-8"))
 
 
 @cache
 def joined(path: Path) -> str:
-    """Return a module and all modules it imports as one module, each after those it needs.
+    """Return a module and all modules it imports as one module, in order of dependency.
 
-    Imports and exports by name are supported, a function, class or constant each; only the module itself may have a
-    default export.
+    Functions, classes and constants can be imported and exported by name; only the module itself may have a default
+    export.
 
     Raises
     ------
@@ -110,7 +110,9 @@ def joined(path: Path) -> str:
         text = IMPORT.sub(bound, text)
         exported = EXPORT.findall(text)
         text = EXPORT.sub(lambda found: found[0].removeprefix("export "), text)
-        unknown = UNKNOWN.search(text) or (re.search("^export default.*", text, re.MULTILINE) if importing else None)
+        unknown = UNSUPPORTED.search(text) or (
+            re.search("^export default.*", text, re.MULTILINE) if importing else None
+        )
         if unknown:
             raise ValueError(f"{module.name}: {unknown[0]!r} cannot be joined with other modules.")
         return text, exported
@@ -122,7 +124,7 @@ def joined(path: Path) -> str:
 def deliver(item: bytes, *, key: str) -> None:
     """Send an item of :func:`packed_item` to the components of the page that need it.
 
-    Its header has a `kind`, and a `name` unless its digest is its name. Each delivery is a component of its own:
+    Its header has a `kind`, and a `name` unless its digest is its name. Each delivery is a separate component, so
     Streamlit sends it again only if it has changed.
 
     Parameters
@@ -140,11 +142,11 @@ def deliver(item: bytes, *, key: str) -> None:
 SCORE_STEPS = 30_000
 """Steps of a score from 0 to 1; code 0 means no score."""
 
-TRUTH_SCALE = 64
-"""Steps of the ground truth per px."""
+TRUTH_STEPS_PER_PX = 64
+"""Resolution of the ground truth as sent."""
 
-TRUTH_ZERO = 512
-"""Offset added to the ground truth, px, to make it positive; values that do not fit count as unknown."""
+TRUTH_OFFSET_PX = 512
+"""Offset added to the ground truth to make it positive; values that still do not fit are sent as unknown."""
 
 
 class Packed(NamedTuple):
@@ -157,8 +159,8 @@ class Packed(NamedTuple):
 def packed_item(header: Mapping[str, Any], parts: Sequence[bytes] = ()) -> Packed:
     """Return an item as bytes: the length of its JSON header in four bytes (little-endian), the header, and the parts.
 
-    Added to the header are `parts`, start and length of each part after the header, and `digest` of the content, unless
-    the header names another that identifies it.
+    Two fields are added to the header: `parts`, the start and length of each part after the header, and `digest`, a
+    digest of the content unless the header already has one.
     """
     ends = np.cumsum([len(part) for part in parts], dtype=int).tolist()
     places = [(end - len(part), len(part)) for end, part in zip(ends, parts, strict=True)]
@@ -168,13 +170,13 @@ def packed_item(header: Mapping[str, Any], parts: Sequence[bytes] = ()) -> Packe
 
 
 def packed_pictures(header: Mapping[str, Any], pictures: Sequence[Rgb | bytes]) -> bytes:
-    """Return an item with a PNG for each picture, (rows, cols, 3) uint8 RGB or a PNG, and `steps`, those of a score."""
+    """Return an item with each picture, (rows, cols, 3) uint8 RGB or a PNG, as a PNG, and `steps`, those of a score."""
     parts = [picture if isinstance(picture, bytes) else png(picture) for picture in pictures]
     return packed_item({**header, "steps": SCORE_STEPS}, parts).data
 
 
 def scores_as_colours(scores: Array) -> Rgb:
-    """Return scores of -1..1 as (rows, cols, 3) uint8: red and green are the high and the low byte of the code."""
+    """Return scores, -1..1, as (rows, cols, 3) uint8 whose red and green are the high and low byte of the code."""
     return _in_two_bytes(np.where(np.isnan(scores), 0, np.rint((scores + 1) * SCORE_STEPS) + 1))
 
 
@@ -186,7 +188,7 @@ def _in_two_bytes(codes: Array) -> Rgb:
 def packed_search(
     search: ReducedSearch, *, name: str, words: Mapping[str, Any], places: Sequence[Mapping[str, Any]] = ()
 ) -> bytes:
-    """Return a search as :func:`packed_pictures`: picture, template with alpha, scores, their colours.
+    """Return a search as :func:`packed_pictures`: picture, template with alpha, scores, and the scores in colour.
 
     Parameters
     ----------
@@ -195,9 +197,9 @@ def packed_search(
     name
         Its name in the browser.
     words
-        Texts beside it.
+        Texts of the panel.
     places
-        Places to frame: the `kind` of each, and its `corners`, reduced, as x and y.
+        Places to frame: the `kind` of each, and its `corners` as x and y in the reduced picture.
     """
     header = {
         "name": name,
@@ -253,14 +255,14 @@ def packed_grey_pair(left: Image, right: Image, truth: FloatMap | None, *, name:
         (H, W), (H, W, 3) or (H, W, 4) checked images of the same size and dtype. 8-bit values are kept unchanged.
     truth
         (H, W) disparities, px, NaN = unknown; None if there is no ground truth. Sent as a PNG whose red and green are
-        the high and the low byte.
+        the high and low byte.
     name, digest
         Name of the place, and digest of the pair, in the browser.
     """
     grey = as_eight_bit(as_grey(left), as_grey(right))
     parts = [png(image) for image in grey]
     if truth is not None:
-        codes = np.rint((truth.astype(np.float64) + TRUTH_ZERO) * TRUTH_SCALE)
+        codes = np.rint((truth.astype(np.float64) + TRUTH_OFFSET_PX) * TRUTH_STEPS_PER_PX)
         parts.append(png(_in_two_bytes(np.where((codes > 0) & (codes < 2**16), codes, 0))))
     header = {"kind": "pair", "name": name, "digest": digest, "rows": left.shape[0], "cols": left.shape[1]}
     return packed_item(header | {"deviation": float(grey[0].std())}, parts).data

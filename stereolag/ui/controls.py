@@ -1,4 +1,4 @@
-"""Controls built from the fields of a settings class, whose values outlive the part of the page that draws them."""
+"""Controls built from the fields of a settings class; their values outlive the part of the page that draws them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import streamlit as st
@@ -22,12 +23,12 @@ from stereolag.ui.elements import refusals_shown
 
 
 def class_of(key: str) -> str:
-    """Return the class that Streamlit gives to the element with this key."""
+    """Return the CSS class that Streamlit gives to the element with this key."""
     return "st-key-" + re.sub(r"[^\w-]", "-", key, flags=re.ASCII)
 
 
 def exact_key(key: str) -> str:
-    """Return the key of the box for an exact value beside a slider."""
+    """Return the key of the number box for an exact value beside a slider."""
     return f"{key}.exact"
 
 
@@ -36,22 +37,22 @@ def exact_key(key: str) -> str:
 ANY_PAGE = "page"
 
 Run = tuple[tuple[str, int], ...]
-"""The page and the nested fragments of a run, each with its run number; an interrupted run has the same number as the
+"""The page and the nested fragments of a run, each with its run number; an interrupted run shares its number with the
 next one."""
 
 _current: ContextVar[Run] = ContextVar("run", default=())
 
 
+@dataclass
 class _Box:
-    """The box beside a slider: the value drawn in it last, and the times at which earlier ones were replaced."""
+    """The number box beside a slider: its last drawn value, and the times at which earlier ones were replaced."""
 
-    def __init__(self) -> None:
-        self.value: Any = None
-        self.replaced: dict[Any, float] = {}
+    value: Any = None
+    replaced: dict[Any, float] = field(default_factory=dict)
 
 
 class _Memory:
-    """What is known of the controls of one visitor.
+    """The state of the controls of one visitor.
 
     Attributes
     ----------
@@ -70,7 +71,7 @@ class _Memory:
     opened
         The short names of the methods whose controls were ever drawn.
     untouched
-        The settings of other methods, with what they follow from, until a control is set.
+        The settings of methods that are not shown, with the values they depend on; dropped when a control is set.
     """
 
     def __init__(self) -> None:
@@ -89,9 +90,9 @@ _remembered: ContextVar[_Memory | None] = ContextVar("memory", default=None)
 
 
 def visitor_memory() -> _Memory:
-    """Return what is known of this visitor's controls; in one entry, since Streamlit walks over all in every run.
+    """Return the state of this visitor's controls, kept in one entry, since Streamlit visits all entries in every run.
 
-    Within a counted run it is looked up once: every control asks for it several times.
+    Within a counted run it is looked up only once, because every control needs it several times.
     """
     memory: _Memory = _remembered.get() or st.session_state.setdefault("controls", _Memory())
     return memory
@@ -137,7 +138,7 @@ def _counted(name: str, outer: Run) -> Iterator[None]:
 
 
 def persistent(key: str) -> dict[str, Any]:
-    """Return the arguments for a control whose value outlives it: its key, and how long the value is kept."""
+    """Return the arguments for a control whose value outlives it: its key, and the lifetime of the value."""
     if drawn_anew(key) and key in st.session_state:
         st.session_state[key] = st.session_state[key]
     return {"key": key, "persist_state": "session"}
@@ -146,9 +147,9 @@ def persistent(key: str) -> dict[str, Any]:
 def drawn_anew(key: str) -> bool:
     """Return whether a control about to be drawn was drawn before, but not in the previous run.
 
-    Its value must then be assigned again, even unchanged. Streamlit does not send back a value that came from the
-    browser; but a browser that sent it before it learned that the control was gone has forgotten it since, and would
-    show the initial value.
+    Its value must then be assigned again, even if unchanged. Streamlit does not send a value back to the browser that
+    it came from; but a browser that sent it before learning that the control was gone has forgotten it since, and
+    would show the initial value.
     """
     run, drawn = _current.get(), visitor_memory().drawn
     before = drawn.get(key, run)
@@ -194,43 +195,43 @@ def control(
     when_empty
         Meaning of an empty number box.
     beside
-        Another name of the field, shown beside its title.
+        Alternative name of the field, shown beside its title.
     disabled
-        Whether the control is inactive, because changing it would have no effect.
+        Whether the control is disabled because it would have no effect.
     """
-    field = settings.model_fields[name]
+    info = settings.model_fields[name]
     adopted = key in visitor_memory().adopted
-    at_first = visitor_memory().adopted[key] if adopted else field.default if value is None else value
-    title = field.title or name
+    initial = visitor_memory().adopted[key] if adopted else info.default if value is None else value
+    title = info.title or name
     widget: dict[str, Any] = {
         "label": f"{title} `{beside}`" if beside else title,
-        "help": typeset(field.description or ""),
+        "help": typeset(info.description or ""),
         "disabled": disabled,
         **persistent(key),
     }
-    if isinstance(at_first, bool):
-        return st.toggle(value=at_first, **widget)
-    options = choices(field)
+    if isinstance(initial, bool):
+        return st.toggle(value=initial, **widget)
+    options = choices(info)
     if options:
         named = (names or {}).get
         return st.segmented_control(
-            options=options, default=at_first, format_func=lambda choice: named(choice, choice), required=True, **widget
+            options=options, default=initial, format_func=lambda choice: named(choice, choice), required=True, **widget
         )
-    bounds = Bounds.of(field).narrowed(low, high)
-    if when_empty is not None or at_first is None or bounds.low is None or bounds.high is None:
-        widget |= {"min_value": bounds.low, "max_value": bounds.high, "step": bounds.step, "value": at_first}
+    bounds = Bounds.of(info).narrowed(low, high)
+    if when_empty is not None or initial is None or bounds.low is None or bounds.high is None:
+        widget |= {"min_value": bounds.low, "max_value": bounds.high, "step": bounds.step, "value": initial}
         number_format = "%g" if isinstance(bounds.step, float) else "%d"
         return st.number_input(format=number_format, placeholder=when_empty, **widget)
     if adopted:
-        bounds = Bounds(min(bounds.low, at_first), max(bounds.high, at_first), bounds.step)
-    at_first = bounds.nearest(at_first)
-    bounds = bounds.through(at_first)
+        bounds = Bounds(min(bounds.low, initial), max(bounds.high, initial), bounds.step)
+    initial = bounds.nearest(initial)
+    bounds = bounds.through(initial)
     if bounds.high == bounds.low:
         # A slider needs two distinct ends. A separate key leaves the value set for other inputs untouched.
-        bounds = Bounds(at_first, at_first + bounds.step, bounds.step)
+        bounds = Bounds(initial, initial + bounds.step, bounds.step)
         widget |= {"key": f"{key}.only", "disabled": True}
-    widget |= {"min_value": bounds.low, "max_value": bounds.high, "step": bounds.step, "value": at_first}
-    return _slider_and_box(widget, Bounds.of(field))
+    widget |= {"min_value": bounds.low, "max_value": bounds.high, "step": bounds.step, "value": initial}
+    return _slider_and_box(widget, Bounds.of(info))
 
 
 def kept_value(
@@ -240,11 +241,11 @@ def kept_value(
     adopted = visitor_memory().adopted
     if key in adopted:
         return st.session_state.get(key, adopted[key])
-    field = settings.model_fields[name]
-    kept = st.session_state.get(key, field.default if value is None else value)
+    info = settings.model_fields[name]
+    kept = st.session_state.get(key, info.default if value is None else value)
     if isinstance(kept, bool) or not isinstance(kept, int | float):
         return kept
-    return Bounds.of(field).narrowed(low, high).nearest(kept)
+    return Bounds.of(info).narrowed(low, high).nearest(kept)
 
 
 def _slider_and_box(widget: dict[str, Any], allowed: Bounds) -> Any:
@@ -272,38 +273,38 @@ def _slider_and_box(widget: dict[str, Any], allowed: Bounds) -> Any:
     return value
 
 
-LATE_S = 2.0
-"""How long after a box was set to a new value the browser may still send the previous one, s."""
+STALE_VALUE_S = 2.0
+"""Time after which a box set to a new value no longer receives the previous one from the browser, s."""
 
 
 def _take_exact(key: str) -> None:
-    """Set a slider to the value typed beside it, which may be outside its range or between its steps.
+    """Set a slider to the value typed in its box, which may be outside its range or between its steps.
 
-    If the slider has just moved, the box value was not typed: the browser has not drawn the new value yet.
+    If the slider has just moved, the value of the box was not typed: the browser has not drawn the new one yet.
     """
     typed, box = st.session_state[exact_key(key)], visitor_memory().boxes[key]
     moved = st.session_state[key] != box.value
-    late = time.monotonic() - box.replaced.get(typed, -math.inf) < LATE_S
-    if not moved and not late:
+    stale = time.monotonic() - box.replaced.get(typed, -math.inf) < STALE_VALUE_S
+    if not moved and not stale:
         adopt_value(key, typed)
 
 
 def adopt_value(key: str, value: Any) -> None:
-    """Set a control not yet drawn in this run; its bounds widen if needed to include the value."""
+    """Set a control not yet drawn in this run; its bounds are widened to include the value if necessary."""
     memory = visitor_memory()
     st.session_state[key] = memory.adopted[key] = value
     memory.untouched.clear()
 
 
 def adopt_values(settings: Settings, key: Callable[[str], str]) -> None:
-    """Set the controls of all fields to these settings; `key` returns that of the control of a field."""
+    """Set the controls of all fields to these settings; `key` returns the key of a field's control."""
     for name in type(settings).model_fields:
         adopt_value(key(name), getattr(settings, name))
 
 
-def last_valid(make: Callable[[], T], key: str, said: str = "{}") -> T | None:
-    """Return the result of `make`; if it refuses, show why, in the sentence `said`, and return the last valid one."""
-    with refusals_shown(said):
+def last_valid(make: Callable[[], T], key: str, sentence: str = "{}") -> T | None:
+    """Return the result of `make`; if that fails, show why, within `sentence`, and return the last valid one."""
+    with refusals_shown(sentence):
         st.session_state[key] = make()
     settings: T | None = st.session_state.get(key)
     return settings

@@ -1,8 +1,8 @@
-"""Files that a visitor takes away, or that the page plays: one button a file, made on demand, and one ZIP of all files.
+"""Files to download or to play: one button per file, made on demand, and one ZIP of all files.
 
-Streamlit keeps files in one store for all sessions. It derives the address from the type, the name and the content, but
-above 1 MiB only from the length and three samples of the content: files of two visitors could share an address. The
-type passed here therefore includes a secret, so that no other file can lead to the same address.
+Streamlit keeps files in one store for all sessions. It derives their address from type, name and content, but above
+1 MiB only from the length and three samples of the content, so files of two visitors could share an address. The type
+passed here therefore includes a secret, so that no other file can get the same address.
 """
 
 from __future__ import annotations
@@ -25,16 +25,17 @@ from stereolag.io.recordings import wav
 from stereolag.io.sources import bundle
 from stereolag.ui import prose
 from stereolag.ui import streamlit_inside as inside
-from stereolag.ui.background_jobs import HEAVY_MEMORY, limiter
+from stereolag.ui.background_jobs import HEAVY_BYTES, limiter
 
 KEPT_S = 60
-"""How long a file made on demand can be fetched, s."""
-MOST_BYTES = 256 * 2**20
+"""Time for which a file made on demand can be fetched, s."""
+
+MAX_KEPT_BYTES = 256 * 2**20
 """Limit for all such files together, bytes; the newest is kept whatever its size."""
 
 
 def show_player(signal: Vector, sampling_rate: float, name: str) -> None:
-    """Show a player for a recording, (samples,), at the largest volume that does not clip."""
+    """Show a player for a recording, (samples,), at the highest volume that does not clip."""
     sound = wav(signal, sampling_rate)
     st.audio(sound, format=_private_type("audio/wav", sound), alt=f"Recording of {name}")
 
@@ -68,20 +69,20 @@ def download_button(
 
 
 class _RecentFiles:
-    """Files made on demand, each at its own coordinates in Streamlit's store, which keeps files with coordinates."""
+    """Files made on demand, each at its own coordinates, since Streamlit's store keeps files with coordinates."""
 
     def __init__(self) -> None:
         self._kept: dict[str, tuple[int, threading.Timer]] = {}
-        """Size and timer of each file by its coordinates, the oldest first."""
+        """Size and timer of each file by its coordinates, oldest first."""
         self._lock = threading.Lock()
 
     def keep(self, content: bytes, file_name: str, media_type: str) -> None:
-        """Keep a file for `KEPT_S` seconds; drop older ones sooner if all together exceed `MOST_BYTES`."""
+        """Keep a file for `KEPT_S` seconds; drop older ones sooner if together they exceed `MAX_KEPT_BYTES`."""
         with self._lock:
-            while self._kept and sum(size for size, _ in self._kept.values()) + len(content) > MOST_BYTES:
+            while self._kept and sum(size for size, _ in self._kept.values()) + len(content) > MAX_KEPT_BYTES:
                 self._forget(next(iter(self._kept)))
-            names = (f"private_files.{number}" for number in itertools.count())
-            coordinates = next(name for name in names if name not in self._kept)
+            candidates = (f"private_files.{number}" for number in itertools.count())
+            coordinates = next(name for name in candidates if name not in self._kept)
             inside.keep_file(content, file_name, media_type, coordinates)
             timer = threading.Timer(KEPT_S, lambda: self._expire(coordinates, timer))
             timer.daemon = True
@@ -106,8 +107,8 @@ _recent_files = _RecentFiles()
 def _made(make: Callable[[], bytes | str], file_name: str, media_type: str) -> bytes:
     """Return a file made on demand, and keep it for `KEPT_S` seconds.
 
-    Streamlit treats such a file as orphaned, and deletes it at the end of the second script run after that, of any
-    visitor: if others are computing, before the browser has fetched it.
+    Streamlit treats such a file as orphaned and deletes it at the end of the second script run after that, of any
+    visitor: with others at work, that can be before the browser has fetched it.
     """
     made = make()
     content = made.encode() if isinstance(made, str) else made
@@ -137,13 +138,13 @@ class File(NamedTuple):
     name
         File name.
     make
-        Makes its bytes or text.
+        Returns its bytes or text.
     meaning
         Help of the button, and description of the file in the ZIP.
     refusal
         Why the file is not available; "" if it is.
     first
-        Whether its button stands before those of the others while it is available.
+        Whether its button comes before the others while it is available.
     """
 
     label: str
@@ -155,7 +156,7 @@ class File(NamedTuple):
 
 
 def file_of_image(stem: str, image: Image, meaning: str) -> File:
-    """Return the file of an image whose name begins so."""
+    """Return the file of an image; its name begins with `stem`, and its format suits the image."""
     name, write = image_file(stem, image)
     label = f"{stem.replace('_', ' ').capitalize()} {name.rpartition('.')[2].upper()}"
     return File(label, name, partial(write, image), meaning)
@@ -186,14 +187,14 @@ def show_file_buttons(files: Sequence[File], memory: int, *, key: str) -> None:
 
 
 def show_zip_button(make: Callable[[], bytes], memory: int, *, key: str, more: str = "", refusal: str = "") -> None:
-    """Draw the button of the ZIP of all files; `more` extends its help, `refusal` says why it is not available."""
+    """Draw the button for the ZIP of all files; `more` extends its help, `refusal` says why it is not available."""
     download_button(
         "All in one ZIP",
         partial(run_queued, make, memory),
         "stereolag.zip",
         "application/zip",
         key=f"{key}.zip",
-        meaning=refusal or " ".join(filter(None, ("All files on offer here.", more))),
+        meaning=refusal or " ".join(filter(None, ("All files offered here.", more))),
         icon=":material/folder_zip:",
         primary=True,
         disabled=bool(refusal),
@@ -204,13 +205,13 @@ def take_away(
     files: Sequence[File],
     memory: int,
     command: str,
-    does: str,
+    purpose: str,
     *,
     own: bool,
     by_hand: Sequence[str] = (),
     key: str,
 ) -> None:
-    """Offer files, with the command that reproduces the result, and say what the page address includes.
+    """Offer files and the command that reproduces the result, and say what the address of the page includes.
 
     Parameters
     ----------
@@ -219,29 +220,29 @@ def take_away(
     memory
         Memory needed to make all of them, bytes.
     command
-        One line, for the folder of the unpacked ZIP.
-    does
-        Its purpose: "measure this lag again".
+        One line, to be run in the folder of the unpacked ZIP.
+    purpose
+        The purpose of the command, such as "measure this lag again".
     own
         Whether the inputs are the visitor's own files.
     by_hand
-        Parts of an example the visitor changed by hand, which the address cannot include: "mask you painted".
+        Parts of an example that the visitor made, which the address cannot include, such as "mask you painted".
     key
         Prefix of the keys.
     """
-    whole = partial(archive, files, f"To {does}, in the folder of these files: {command}")
+    make_zip = partial(archive, files, f"To {purpose}, in the folder of these files: {command}")
     with st.container(horizontal=True, gap="small"):
-        show_zip_button(whole, memory, key=key, refusal=too_large(memory))
+        show_zip_button(make_zip, memory, key=key, refusal=too_large(memory))
         show_file_buttons(files, memory, key=key)
-    prose.caption(f"To {does}, in the folder of the unpacked ZIP:")
+    prose.caption(f"To {purpose}, in the folder of the unpacked ZIP:")
     st.code(command, language=None, wrap_lines=True)
     if own:
         prose.caption("The address of this page holds its settings, but not your own files.")
         return
-    said = "The address of this page holds its settings and the example: send it, or keep it as a bookmark."
+    said = "The address of this page holds its settings and the example: share or bookmark it."
     if by_hand:
-        lacking = f"The {' and the '.join(by_hand)} {'is' if len(by_hand) == 1 else 'are'}"
-        said += f" {lacking} not in it: it opens the example’s template as it is."
+        missing = f"The {' and the '.join(by_hand)} {'is' if len(by_hand) == 1 else 'are'}"
+        said += f" {missing} not in it: it opens the example’s own template."
     prose.caption(said)
 
 
@@ -254,7 +255,7 @@ def too_large(memory: int) -> str:
 
 
 def refusal_of(check: Callable[[], object]) -> str:
-    """Return why a check refuses a file; "" if it does not."""
+    """Return why `check` refuses a file; "" if it does not."""
     try:
         check()
     except ValueError as error:
@@ -270,8 +271,8 @@ def archive(files: Sequence[File], about: str) -> bytes:
 
 
 def run_queued(make: Callable[[], bytes | str], memory: int) -> bytes | str:
-    """Return a requested file; one that needs much memory waits for its turn."""
-    if memory < HEAVY_MEMORY:
+    """Return the file that `make` makes; if that needs much memory, wait for its turn."""
+    if memory < HEAVY_BYTES:
         return make()
     with limiter().admitted(object(), memory):
         return make()

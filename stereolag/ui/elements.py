@@ -19,56 +19,58 @@ from stereolag.ui.components import component
 
 T = TypeVar("T")
 
-PERCENT, PIXELS, SECONDS = (
-    f"{number}{NO_BREAK}{unit}" for number, unit in (("%.1f", "%%"), ("%.2f", "px"), ("%.3f", "s"))
-)
-"""Number formats of table columns."""
+# Number formats of table columns.
+PERCENT_FORMAT = f"%.1f{NO_BREAK}%%"
+PIXELS_FORMAT = f"%.2f{NO_BREAK}px"
+SECONDS_FORMAT = f"%.3f{NO_BREAK}s"
 
 
 class Number(NamedTuple):
-    """A number with its unit, label and meaning."""
+    """A number with its unit, as text, its label and its meaning."""
 
     label: str
     value: str
     meaning: str
 
 
-def show_line(numbers: Iterable[Number]) -> None:
-    """Show numbers in one line of text; their meanings are its tooltip."""
-    known = [*numbers]
-    line = " · ".join(f"{label} **{value}**" for label, value, _ in known)
-    prose.caption(line, help=typeset("\n".join(f"- **{label}**: {meaning}" for label, _, meaning in known)))
+def show_numbers(numbers: Iterable[Number]) -> None:
+    """Show numbers in one line of text, with their meanings as its tooltip."""
+    shown = [*numbers]
+    line = " · ".join(f"{label} **{value}**" for label, value, _ in shown)
+    prose.caption(line, help=typeset("\n".join(f"- **{label}**: {meaning}" for label, _, meaning in shown)))
 
 
-def show_note(said: str, icon: str = "") -> None:
-    """Show a sentence up to its colon, with what follows as its tooltip, and the sentences after it."""
-    first, _, more = said.partition(". ")
+def show_note(text: str, icon: str = "") -> None:
+    """Show the first sentence up to its colon, with the whole text as its tooltip, and the other sentences."""
+    first, _, more = text.partition(". ")
     brief, _, details = first.partition(": ")
     shown = " ".join(filter(None, (icon, f"{brief.removesuffix('.')}.", more)))
-    prose.caption(shown, help=typeset(said) if details else None, width="content")
+    prose.caption(shown, help=typeset(text) if details else None, width="content")
 
 
-def show_offer(said: str, label: str, key: str, act: Callable[[], None], note: str | None = None) -> None:
-    """Show a sentence in small print, as a note if it has an icon, with a button beside it."""
+def show_offer(sentence: str, label: str, key: str, act: Callable[[], None], note: str | None = None) -> None:
+    """Show a sentence in small print with a button beside it; `note` is the icon of a sentence shown as a note."""
     with st.container(horizontal=True, vertical_alignment="center", gap="small", width="content"):
         if note is None:
-            prose.caption(said, width="content")
+            prose.caption(sentence, width="content")
         else:
-            show_note(said, note)
+            show_note(sentence, note)
         st.button(label, key=key, type="tertiary", on_click=act)
 
 
 def asked_for(request: object, label: str, key: str, **button: Any) -> bool:
-    """Show a button that asks for something, and return whether just this was asked for last; `button` is its rest."""
-    ask = partial(st.session_state.update, {key: request})
-    st.button(label, key=f"{key}.start", on_click=ask, **button)
+    """Show a button, and return whether the last request made with it under this key was `request`.
+
+    `button` holds further arguments of the button.
+    """
+    st.button(label, key=f"{key}.start", on_click=partial(st.session_state.update, {key: request}), **button)
     return bool(st.session_state.get(key) == request)
 
 
-def show_remedy(said: str, label: str, key: str, act: Callable[[], None]) -> None:
-    """Show a sentence with a button beside it, whose click affects the whole page; without a label, no button."""
+def show_remedy(sentence: str, label: str, key: str, act: Callable[[], None]) -> None:
+    """Show a sentence with a button beside it that reruns the whole page; without a label there is no button."""
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-        prose.markdown(said, width="stretch")
+        prose.markdown(sentence, width="stretch")
         if label and st.button(label, key=key, on_click=act):
             st.rerun()
 
@@ -81,8 +83,8 @@ def show_chart(figure: go.Figure, key: str, alt: str) -> None:
 def show_picture(data: bytes, alt: str, caption: str | None = None, *, stretch: bool = True) -> None:
     """Show a PNG or JPEG at full width, or at its own size; `alt` describes it for screen readers.
 
-    It is embedded in the page message. The browser would have to request a separate file, which costs a round trip and
-    fails if the next slider position has already replaced the file.
+    It is embedded in the message to the page. A separate file would cost a round trip, and the request would fail if
+    the next slider position had already replaced the file.
     """
     st.image(
         data_url(data),
@@ -95,52 +97,53 @@ def show_picture(data: bytes, alt: str, caption: str | None = None, *, stretch: 
 PATIENCE_S = 0.5
 """Computations shorter than this show no progress bar, s; one that flashes by only distracts."""
 
-BETWEEN_UPDATES_S = 0.1
+UPDATE_INTERVAL_S = 0.1
+"""Shortest interval between updates of a progress bar, s."""
 
 
 @contextmanager
 def shown_progress(label: str) -> Iterator[Progress]:
     """Show a spinner and a progress bar; yield the progress callback that long computations take."""
-    last_update = time.monotonic() + PATIENCE_S - BETWEEN_UPDATES_S
+    last_update = time.monotonic() + PATIENCE_S - UPDATE_INTERVAL_S
 
     def show(fraction: float) -> None:
         nonlocal last_update
         now = time.monotonic()
-        if now - last_update >= BETWEEN_UPDATES_S:
+        if now - last_update >= UPDATE_INTERVAL_S:
             last_update = now
             place.progress(min(max(fraction, 0.0), 1.0))
 
     with st.spinner(label, show_time=True):
-        place = st.empty()  # below the label, and gone before it: neither of the two moves
+        place = st.empty()  # below the label, and emptied before it, so that neither moves
         yield show
         place.empty()
 
 
 def in_columns(items: Iterable[T], *, gap: Literal["small", "medium", "large"] = "medium") -> Iterator[T]:
-    """Yield each of several items in a column of its own: what is drawn until the next one is drawn there."""
-    known = [*items]
-    for column, item in zip(st.columns(len(known), gap=gap), known, strict=True):
+    """Yield each item with its own column open: everything drawn before the next item goes into that column."""
+    drawn = [*items]
+    for column, item in zip(st.columns(len(drawn), gap=gap), drawn, strict=True):
         with column:
             yield item
 
 
 def show_refused(reason: object) -> None:
-    """Show why an input or setting is refused: a sentence that names the value and what is allowed."""
+    """Show why an input or setting is refused: a sentence that names the value and the allowed ones."""
     prose.error(str(reason), icon=":material/block:")
 
 
 @contextmanager
-def refusals_shown(said: str = "{}") -> Iterator[None]:
-    """Show why what is tried inside the ``with`` block is refused, and go on after it; `said` is the whole sentence."""
+def refusals_shown(sentence: str = "{}") -> Iterator[None]:
+    """Show the text of a ValueError raised in the ``with`` block, within `sentence`, and continue after the block."""
     try:
         yield
     except ValueError as error:
-        show_refused(said.format(error))
+        show_refused(sentence.format(error))
 
 
 def announce(headline: str) -> None:
-    """Announce a headline, plain or Markdown, through a polite live region once it has been stable for a moment.
+    """Announce a headline, plain or Markdown, to screen readers once it has been stable for a moment.
 
-    Call it once per page: this is the only live region for results. Streamlit announces refusals and failures itself.
+    Call it once per page: it is the only live region for results. Streamlit announces errors itself.
     """
     component("announcement")(key="announced", data=typeset(headline.replace("**", "")))

@@ -22,21 +22,21 @@ from stereolag.figures.pictures import NO_ANSWER, jpeg, png
 from stereolag.ui.components import component, deliver, packed_item
 from stereolag.ui.elements import Number
 
-WIDEST = 1600
-"""Px; of wider pictures only every second, third … pixel is sent: no screen shows more side by side."""
+MAX_SENT_WIDTH = 1600
+"""Width of a picture above which only every second, third … pixel is sent, px: no screen shows more side by side."""
 
-NOTHING = -32768
-"""The int16 code of NaN in data for the browser."""
+NAN_CODE = -32768
+"""The int16 that stands for NaN in data for the browser."""
 
-LONG = -128
-"""The int8 code of a step that needs an int16, which is stored separately."""
+LONG_STEP_CODE = -128
+"""The int8 that stands for a step that needs an int16, which is stored separately."""
 
 
 @dataclass(frozen=True)
 class DepthScale:
     """Constants to convert disparity to metres in the browser: focal length × baseline, px·m, and doffs, px.
 
-    `disparity_error` is the typical error of a disparity, px; 0 leaves the uncertainty out.
+    `disparity_error` is the typical error of a disparity, px; with 0 no uncertainty is shown.
     """
 
     focal_times_baseline: float
@@ -57,7 +57,7 @@ class Reading:
     words
         The word for each index; an empty word is not shown.
     depth
-        For disparities: returns the scale for the depth shown beside them.
+        For disparities: returns the scale of the depths shown beside them.
     """
 
     values: Array
@@ -77,20 +77,20 @@ class Picture:
     title
         Title above the picture.
     pixels
-        (rows, cols, 3) uint8 RGB; None for a map, whose first reading the browser colours with the :class:`Colours`
-        that all maps share.
+        (rows, cols, 3) uint8 RGB; None for a map: the browser colours its first reading with the :class:`Colours` that
+        all maps share.
     readings
         Values shown below the picture for the pixel under the crosshair.
     figures
         Numbers shown below it for the whole picture.
     photograph
-        Whether it is sent as JPEG, with a fifth of the bytes; maps stay exact.
+        Whether it is sent as a JPEG, with a fifth of the bytes; maps stay exact.
     pickable
         Whether a click on it picks a pixel.
     thumbnail
-        Whether it is small at first and enlarges on a click.
+        Whether it is initially small and is enlarged by a click.
     alternative
-        Returns its text alternative; read out after the title.
+        Returns its text alternative, which is read out after the title.
     """
 
     title: str
@@ -127,7 +127,7 @@ class PackedPicture:
 
 @dataclass(frozen=True)
 class Mark:
-    """A mark drawn over the pictures, px of the picture: a point, a frame, or a line to another point.
+    """A mark drawn over the pictures: a point, a frame, or a line to another point; lengths in px of the picture.
 
     Attributes
     ----------
@@ -162,8 +162,9 @@ class Mark:
 def packed(picture: Picture, more: Mapping[str, Any] | None = None) -> PackedPicture:
     """Return the pixels and the readings of a picture as an item, with `more` in its header.
 
-    Readings are int16 in units of a power of two below their last decimal (or larger if the range requires it), each
-    stored as the step from its left neighbour: in smooth maps most steps fit into a byte; long ones follow separately.
+    Readings are int16 in units of a power of two below their last decimal (or larger if the range requires it). Each is
+    stored as the step from its left neighbour: in smooth maps most steps fit into a byte; longer ones are stored
+    separately.
 
     Raises
     ------
@@ -175,7 +176,7 @@ def packed(picture: Picture, more: Mapping[str, Any] | None = None) -> PackedPic
     if len(shapes) != 1:
         raise ValueError(f"pixels and readings have the shapes {sorted(shapes)}; they must all have one.")
     shape = shapes.pop()
-    step = -(-shape[1] // WIDEST)
+    step = -(-shape[1] // MAX_SENT_WIDTH)
     parts: list[bytes] = []
     header: dict[str, Any] = {"kind": "pictures", "image": None, **(more or {})}
     header["readings"] = [_reading(one, step, parts) for one in picture.readings]
@@ -197,9 +198,9 @@ def described(
     hint: str = "",
     marks: Sequence[Mark] = (),
 ) -> dict[str, Any]:
-    """Return the header of the item for the browser besides the packed pictures of one size, ready for JSON.
+    """Return the header of the item that describes a set of packed pictures of one size, ready for JSON.
 
-    `name` identifies the set; `colours` are needed if a picture has no pixels of its own.
+    `name` identifies the set; `colours` are needed if a picture has no pixels.
     """
     rows, cols = packs[0].shape
     return {
@@ -243,16 +244,16 @@ def _reading(reading: Reading, step: int, parts: list[bytes]) -> dict[str, Any]:
     if not reading.words:
         known = np.isfinite(values)
         scaled = cv2.copyTo(np.ascontiguousarray(values), known.view(np.uint8))  # 0 elsewhere
-        fine_enough, to_reach = 10.0**-reading.digits, cv2.norm(scaled, cv2.NORM_INF) / -(NOTHING + 1)
+        fine_enough, to_reach = 10.0**-reading.digits, cv2.norm(scaled, cv2.NORM_INF) / -(NAN_CODE + 1)
         quantum = 2.0 ** max(math.floor(math.log2(fine_enough)), math.ceil(math.log2(max(to_reach, 1e-9))))
         values = cv2.addWeighted(scaled, 1 / quantum, scaled, 0, 0, dtype=cv2.CV_16S)
-        np.copyto(values, NOTHING, where=~known)
+        np.copyto(values, NAN_CODE, where=~known)
     else:
         values = values.astype("<i2")
     steps = np.diff(values, axis=1, prepend=np.int16(0))  # int16 overflow cancels when the steps are summed
     long = (steps > 127) | (steps < -127)
     short = steps.astype(np.int8)
-    np.copyto(short, LONG, where=long)
+    np.copyto(short, LONG_STEP_CODE, where=long)
     parts.extend(isal_zlib.compress(one.data, 1, 9) for one in (short, steps[long]))
     return {
         "steps": len(parts) - 2,
@@ -268,7 +269,7 @@ def _reading(reading: Reading, step: int, parts: list[bytes]) -> dict[str, Any]:
 
 
 def send_picture(pack: PackedPicture, title: str, *, key: str) -> None:
-    """Send the pixels and readings of one picture of :func:`linked_pictures`, ahead of everything else about it.
+    """Send the pixels and readings of one picture of :func:`linked_pictures`, ahead of its description.
 
     In the browser it replaces the picture shown with this title.
     """
@@ -297,17 +298,17 @@ def linked_pictures(
     key
         Key of the component.
     colours
-        Colours of the pictures that have no pixels of their own, and the outlines over these.
+        Colours of the pictures without pixels, and the outlines over them.
     columns
         Number of pictures side by side, if there is room.
     hint
         Sentence below the pictures, before the one on zooming and moving.
     marks
-        Marks drawn over the pictures; while no pointer is over them, the readings are those of the last point.
+        Marks drawn over the pictures; while no pointer is over the pictures, the readings of the last point are shown.
     on_pick
-        Called with the row and column of the clicked pixel, before the fragment reruns; without it clicks do nothing.
+        Called with the row and column of a clicked pixel, before the fragment reruns; if None, clicks do nothing.
     pack
-        Packs a picture; callers may pass a function that remembers the pictures it packed.
+        Packs a picture; callers may pass a function that caches the packed pictures.
     sent
         Pictures that :func:`send_picture` already sent in this run, by title.
     """

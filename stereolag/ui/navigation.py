@@ -1,4 +1,4 @@
-"""The frame of every page: its title and the links to the other pages."""
+"""The frame of every page: its title, the links to the other pages, and the layout of controls beside a result."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ from stereolag.warming import warm
 P = ParamSpec("P")
 R = TypeVar("R")
 
-ICON = Path(__file__).with_name("icon.svg")
+HOME_ICON = Path(__file__).with_name("icon.svg")
 ICONS = Path(__file__).with_name("icons")
-"""Browser-tab icons, named after the page titles; the home page uses `ICON`."""
+"""Browser-tab icons, named after the page titles; the home page uses `HOME_ICON`."""
+
 STYLE = Path(__file__).with_name("page.css")
 
 DEPTH_PAGE = "pages/3_Depth_maps.py"
@@ -44,16 +45,16 @@ PAGES = {
 def page(title: str) -> Iterator[None]:
     """Draw the frame of a page: browser title and links.
 
-    The content of the page, which begins with :func:`head`, goes inside the ``with`` block; if it fails, the visitor
-    gets a message.
+    The content of the page, which begins with :func:`head`, goes inside the ``with`` block; if that fails, a message is
+    shown.
     """
-    own = ICONS / f"{title.lower().replace(' ', '_')}.svg"
-    st.set_page_config(page_title=f"{title} · stereolag", page_icon=own if own.exists() else ICON, layout="wide")
+    icon = ICONS / f"{title.lower().replace(' ', '_')}.svg"
+    st.set_page_config(page_title=f"{title} · stereolag", page_icon=icon if icon.exists() else HOME_ICON, layout="wide")
     this_visit()
     st.html(f"<style>{inside.PAGE_STYLE}{STYLE.read_text(encoding='utf-8')}</style>")
     with st.container(horizontal=True, gap="small", vertical_alignment="center", key="page-links"):
-        for path, (label, icon) in PAGES.items():
-            st.page_link(path, label=label, icon=icon)
+        for path, (label, symbol) in PAGES.items():
+            st.page_link(path, label=label, icon=symbol)
     if not _prepare_process.cache_info().currsize:
         with st.spinner("Starting …"):
             _prepare_process()
@@ -64,7 +65,7 @@ def page(title: str) -> Iterator[None]:
 
 @contextmanager
 def head(title: str) -> Iterator[inside.Container]:
-    """Draw the first line of a page: its title, and what is chosen and to be tried first inside the ``with`` block."""
+    """Draw the first line of a page: its title, and the choice of inputs drawn inside the ``with`` block."""
     line = st.container(horizontal=True, vertical_alignment="top", gap="medium", key="page-head")
     with line:
         st.title(title, anchor=False, width="content")
@@ -77,10 +78,13 @@ def show_try_first(sentence: str) -> None:
 
 
 CONTROLS_WIDTH = 320
+"""Width of the column of controls, px."""
+
 HALF_WIDTH = (CONTROLS_WIDTH - 16) // 2
+"""Width of a control that shares its line with another, px."""
+
 FOLD_WIDTH = 320
-"""Widths of the column of controls, of one that shares its line with another, and of a closed fold in a page's first
-line, px."""
+"""Width of a closed fold in the first line of a page, px."""
 
 
 def bench() -> tuple[inside.Container, inside.Container]:
@@ -91,7 +95,7 @@ def bench() -> tuple[inside.Container, inside.Container]:
 
 
 def show_parts(key: str, parts: Mapping[str, Callable[P, None]], *args: P.args, **kwargs: P.kwargs) -> None:
-    """Show the parts of a bench as tabs, each drawn by its function, and only while it is open."""
+    """Show the parts of a result as tabs; each is drawn by its function only while it is open."""
     for tab, show in zip(st.tabs([*parts], key=key, on_change="rerun"), parts.values(), strict=True):
         if tab.open:
             with tab:
@@ -101,14 +105,14 @@ def show_parts(key: str, parts: Mapping[str, Callable[P, None]], *args: P.args, 
 @functools.cache
 def _prepare_process() -> None:
     """Prepare the process to serve pages; runs once per process."""
-    # For one job on a shared server; whoever runs the server can override them.
+    # Limits of one job on a shared server; whoever runs the server can override them.
     set_defaults(job_memory_mb=2048, max_megasamples=30, max_frames=6000, max_video_s=600)
     start_guard()
     warm()
     inside.keep_uploads_in_memory()
     inside.freeze_imports()
-    # A thread that matches images asks for the interpreter a dozen times, and each time waits for one interval while
-    # the scripts of others run: with 20 visitors, maps took seconds at Python's 5 ms, tenths of a second at 1 ms.
+    # A thread that matches images takes the interpreter lock a dozen times, and waits one interval each time while
+    # other visitors' scripts run: with 20 visitors, maps took seconds at Python's 5 ms, tenths of a second at 1 ms.
     sys.setswitchinterval(0.001)
 
 
@@ -128,7 +132,7 @@ def failures_answered() -> Iterator[None]:
             "are kept: try again later, or with smaller files.",
             icon=":material/memory:",
         )
-    except Exception:  # any error: never show server internals to a visitor
+    except Exception:  # never show server internals to a visitor
         _log.exception("A page failed (number %s).", number)
         prose.error(
             "Something failed unexpectedly; your files and settings are kept. If it happens again, give the number "
@@ -138,7 +142,7 @@ def failures_answered() -> Iterator[None]:
 
 
 def fragment(function: Callable[P, R]) -> Callable[P, R | None]:
-    """Turn a function into an ``st.fragment``, which reruns on its own, and answer its failures."""
+    """Turn a function into an ``st.fragment``, which reruns independently, and answer its failures."""
 
     @functools.wraps(function)
     def answered(*args: P.args, **kwargs: P.kwargs) -> R | None:

@@ -29,7 +29,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What a page measures: text about it, what identifies it, and whether it is an example, shared by all visitors."""
+    """The inputs of a page: a description, a digest, and whether they are an example, shared by all visitors."""
 
     description: str
     digest: str
@@ -37,19 +37,24 @@ class Inputs:
 
 
 def kept_for(inputs: Inputs | Pair, settings: str = "") -> dict[str, Any]:
-    """Return what identifies a result about some inputs: the arguments of that name of :func:`computed`."""
+    """Return the arguments of :func:`computed` that identify a result: `inputs`, `settings` and `shared`."""
     return {"inputs": inputs.digest, "settings": settings, "shared": inputs.shared}
 
 
-SHARED_BYTES = 512 * 2**20
-OWN_BYTES = 192 * 2**20
-ALL_OWN_BYTES = 1024 * 2**20
+MAX_SHARED_BYTES = 512 * 2**20
+"""Limit for the results of the examples, bytes."""
+
+MAX_OWN_BYTES = 192 * 2**20
+"""Limit for the results of one visitor's own files, bytes."""
+
+MAX_ALL_OWN_BYTES = 1024 * 2**20
+"""Limit for the results of all visitors' own files, bytes."""
 
 
 class RecentResults:
-    """The most recently used results, as many as fit into `max_bytes`; the newest stays whatever its size.
+    """The most recently used results, as many as fit into `max_bytes`; the newest is kept whatever its size.
 
-    `on_put` is called after each new one.
+    `on_put` is called after each new result.
     """
 
     def __init__(self, max_bytes: int, on_put: Callable[[], None] = lambda: None) -> None:
@@ -76,7 +81,7 @@ class RecentResults:
         self._on_put()
 
     def shrink(self, max_bytes: int) -> None:
-        """Drop the least recently used results until the rest fit or only the newest is left."""
+        """Drop the least recently used results until the rest fit or only the newest remains."""
         with self._lock:
             while len(self._results) > 1 and self._results.currsize > max_bytes:
                 self._results.popitem()
@@ -88,36 +93,36 @@ class SharedRoom:
     Parameters
     ----------
     max_bytes
-        Limit for all visitors together; everybody's newest result stays all the same.
-    most_each
+        Limit for all visitors together, bytes; the newest result of each visitor is kept regardless.
+    max_each
         Limit for one visitor, bytes.
     """
 
-    def __init__(self, max_bytes: int, most_each: int) -> None:
+    def __init__(self, max_bytes: int, max_each: int) -> None:
         self._max_bytes = max_bytes
-        self._most_each = most_each
+        self._max_each = max_each
         self._all: weakref.WeakSet[RecentResults] = weakref.WeakSet()
 
     def results(self) -> RecentResults:
         """Return the store of one more visitor."""
-        results = RecentResults(self._most_each, self._tidy)
+        results = RecentResults(self._max_each, self._shrink_all)
         self._all.add(results)
         return results
 
-    def _tidy(self) -> None:
-        """Shrink everybody to an equal share if all together exceed the limit."""
-        everybody = list(self._all)
-        if sum(one.size for one in everybody) > self._max_bytes:
-            for one in everybody:
-                one.shrink(self._max_bytes // len(everybody))
+    def _shrink_all(self) -> None:
+        """Shrink every visitor's store to an equal share if together they exceed the limit."""
+        stores = list(self._all)
+        if sum(store.size for store in stores) > self._max_bytes:
+            for store in stores:
+                store.shrink(self._max_bytes // len(stores))
 
 
-_room = SharedRoom(ALL_OWN_BYTES, OWN_BYTES)
+_room = SharedRoom(MAX_ALL_OWN_BYTES, MAX_OWN_BYTES)
 
 
 @st.cache_resource(show_spinner=False)
 def _shared_results() -> RecentResults:
-    return RecentResults(SHARED_BYTES)
+    return RecentResults(MAX_SHARED_BYTES)
 
 
 @st.cache_resource(scope="session", show_spinner=False)
@@ -147,7 +152,7 @@ def computed(task: str, compute: Callable[[Progress], T], *, inputs: str, settin
     label
         Text shown during the computation.
     """
-    # Present whether or not anything is computed: otherwise all later elements would shift and be redrawn.
+    # Always present, whether or not anything is computed: otherwise all later elements would shift and be redrawn.
     place = st.empty()
 
     def make() -> T:
@@ -190,7 +195,7 @@ def computed_before(task: str, *, inputs: str, settings: str, shared: bool) -> A
 def computed_at_once(
     task: str, compute: Callable[[Progress], T], estimate: Estimate, *, inputs: str, settings: str, shared: bool
 ) -> T | None:
-    """Return a result from memory, or compute it if nobody would notice the wait; else None.
+    """Return a result from memory, or compute it if that takes no noticeable time; else return None.
 
     Parameters
     ----------
@@ -215,8 +220,8 @@ def computed_in_turn(
     """Return the result of :func:`computed`, or None while a heavy job is waiting or running, or if it was cancelled.
 
     A light job is computed at once. A heavy one takes its turn in the background: the page shows its progress, offers
-    to cancel it, stays usable meanwhile, and reruns when it is done. Each task has one job at a time: new inputs or
-    settings cancel the previous one.
+    to cancel it, stays usable, and reruns when it is done. Each task has one job at a time: new inputs or settings
+    cancel the previous one.
 
     Parameters
     ----------
@@ -237,7 +242,7 @@ def computed_in_turn(
     refused = estimate.memory > limits().job_memory
     if job is None and (result is not None or refused or not is_heavy(estimate)):
         if estimate.seconds < PATIENCE_S:
-            # Too short for a progress display, which itself takes time to draw.
+            # Too short for a progress bar, which itself takes time to draw.
             return _remembered_alone(task, compute, inputs=inputs, settings=settings, shared=shared)
         return computed(task, partial(_alone, compute), inputs=inputs, settings=settings, shared=shared, label=label)
     place = st.empty()
@@ -247,8 +252,13 @@ def computed_in_turn(
     if job.cancelled:
         with place.container(horizontal=True, vertical_alignment="center"):
             prose.caption("Cancelled.", width="content")
-            key = f"results.again.{task}"
-            st.button("Compute", key=key, on_click=_forget_job, args=(task,), icon=":material/replay:")
+            st.button(
+                "Compute",
+                key=f"results.again.{task}",
+                on_click=_forget_job,
+                args=(task,),
+                icon=":material/replay:",
+            )
         return None
     if job.running:
         with place.container():
@@ -262,13 +272,13 @@ def computed_in_turn(
 
 @dataclass(frozen=True)
 class Refusal:
-    """The reason why a computation has no result, kept like one."""
+    """The reason why a computation has no result; kept like a result."""
 
     reason: str
 
 
 def attempted(compute: Callable[[Progress], T]) -> Callable[[Progress], T | Refusal]:
-    """Return a computation whose ValueError is its result, so that it is kept and not tried again."""
+    """Return a computation that returns its ValueError as a result, so that it is kept and not tried again."""
 
     def attempt(progress: Progress) -> T | Refusal:
         try:
@@ -315,7 +325,7 @@ def _alone(compute: Callable[[Progress], T], progress: Progress) -> T:
 
 
 def _remembered_alone(task: str, compute: Callable[[Progress], T], **kept: Any) -> T:
-    """Return the result of a light computation, which another thread of this visitor may be at."""
+    """Return the result of a light computation, which another thread of this visitor may be computing already."""
     result: T | None = computed_before(task, **kept)
     if result is not None:
         return result
@@ -332,7 +342,7 @@ def _key(task: str, inputs: str, settings: str) -> str:
 
 
 def _bytes_of(result: Any) -> int:
-    """Return the memory of a file, a text, an array, a number, several results, or a result's files and arrays."""
+    """Return the memory of a file, text, array or number, of several results, or of a result's files and arrays."""
     if isinstance(result, bytes | str):
         return len(result)
     if isinstance(result, np.ndarray | float):

@@ -1,7 +1,7 @@
-"""All that the app takes from the inside of Streamlit, each with its reason; nothing else may reach in there.
+"""Everything the app uses of Streamlit's internals, each with its reason; no other module may use them.
 
 Streamlit promises none of these names. `tests/app/test_streamlit_inside.py` fails when one of them moves, and when
-Streamlit offers the thing itself.
+Streamlit offers the same publicly.
 """
 
 from __future__ import annotations
@@ -52,38 +52,39 @@ PAGE_STYLE = """
 [data-testid="stMainBlockContainer"] {
   max-width: 150rem; margin-inline: auto; padding: 0 clamp(0.75rem, 2.3vw, 2.25rem) 4rem;
 }
-/* The page's links are placed where Streamlit reserves room for a toolbar, of which only the menu is left. */
+/* The page's links are placed where Streamlit reserves room for a toolbar, of which only the menu remains. */
 [data-testid="stHeader"] { background: transparent; }
 [data-testid="stHeader"], [data-testid="stHeader"] * { pointer-events: none !important; }
 [data-testid="stHeader"] :is(button, button *) { pointer-events: auto !important; }
-/* On a phone only the current page's link has a name to be seen, so that all fit into one line. */
 @media (max-width: 999px) {
-  /* So that all inputs of a page stand in one line of a phone. */
+  /* All choices of inputs fit into one line. */
   .st-key-page-head [data-testid="stButtonGroup"] button { padding-inline: 0.55rem; }
 }
+/* On a phone only the current page's link shows its name, so that all fit into one line. */
 @media (max-width: 767px) {
   .st-key-page-links a:not([aria-current="page"]) [data-testid="stMarkdownContainer"] {
     position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%);
   }
 }
 [data-testid="stMarkdownContainer"] :is(p, li) { max-width: 52rem; }
-/* Tabs and choices that do not fit into one line go on in the next, rather than out of sight. */
+/* Tabs and choices that do not fit into one line wrap into the next, rather than scroll out of sight. */
 [data-testid="stTabs"] [role="tablist"], [data-testid="stButtonGroup"] [role="radiogroup"] {
   flex-wrap: wrap; row-gap: 0;
 }
-/* The choice before the one taken, which may begin the next line: Streamlit leaves the edge between them to that. */
+/* Unselected choices keep their right edge: Streamlit omits it before the selected one, which draws it instead but may
+   begin the next line. */
 [data-testid="stButtonGroup"] [role="radiogroup"] button[aria-checked="false"]:not(:hover, :focus-visible) {
   border-right-color: light-dark(#e2dfd8, #343742) !important;
 }
 .st-key-page-head > * { max-width: 100%; }
 .st-key-page-head > * [data-testid="stMarkdownContainer"] > p { padding-top: 0.35rem; }
-/* The names of four methods in one line of the column of controls. */
+/* The names of four methods fit into one line of the column of controls. */
 .st-key-depth-tab [role="radiogroup"] button { padding-inline: 0.3rem; }
 /* A table wider than a phone scrolls within its own box. */
 [data-testid="stMarkdownContainer"]:has(> table) { overflow-x: auto; }
-/* Links within text, because their colours are too close to the text colour. */
+/* Links within text are underlined, because their colours are too close to the text colour. */
 [data-testid="stMarkdownContainer"] :is(p, li) a { text-decoration: underline !important; }
-/* Keyboard focus, which Streamlit marks too faintly here, or not at all. In the primary colours of the themes, which
+/* Keyboard focus, which Streamlit marks too faintly here, or not at all, in the primary colours of the themes, which
    Streamlit exposes only to components. */
 [data-testid="stMain"], [data-testid="stPageLink-NavLink"], [data-testid="stElementToolbar"] button {
   --ring: 2px solid light-dark(#5a4a9c, #a797f2);
@@ -94,28 +95,28 @@ PAGE_STYLE = """
 }
 /* Streamlit shows the buttons over a picture only under the pointer. */
 [data-testid="stElementToolbar"]:focus-within { opacity: 1; }
-/* Streamlit writes white on the theme's colour, which is pale on the dark page, and darkens it under
-   the pointer and with the focus. */
+/* Streamlit writes white on the theme's colour, which is pale on the dark page, and darkens it on hover and with the
+   focus. */
 button[data-testid="stBaseButton-primary"] { color: light-dark(#fff, #14151b); }
 button[data-testid="stBaseButton-primary"]:is(:hover, :focus-visible, :active) {
   background-color: light-dark(#483b7d, #b9adf5);
 }
-/* Axis numbers and titles, which Streamlit draws at a contrast of 3.6, and what it leaves in the other theme's colours
-   if the theme changes while a chart is being drawn. */
+/* Axis numbers and titles, which Streamlit draws at a contrast of 3.6, and parts that keep the other theme's colours if
+   the theme changes while a chart is being drawn. */
 .stPlotlyChart :is([class$="tick"] text, [class^="g-"][class$="title"] text, .legendtext) {
   fill: light-dark(#5b5964, #b4b2bd) !important;
 }
 .stPlotlyChart .main-svg { background: transparent !important; }
 .stPlotlyChart :is(.bglayer, .legend) .bg { fill: none !important; }
 """
-"""Styles of Streamlit's own elements that no theme option reaches; the classes st-key-… are documented, and in CSS."""
+"""Styles of Streamlit's own elements that no theme option reaches; only the classes st-key-… are documented."""
 
 
 # Runs of a page
 
 
 def is_history_step() -> bool:
-    """Return whether this run was caused by a step back or forward in the browser; ``st.context`` does not tell."""
+    """Return whether this run was caused by a step back or forward in the browser; ``st.context`` does not say so."""
     return bool(getattr(get_script_run_ctx(), "is_history_navigation", False))
 
 
@@ -124,14 +125,14 @@ HEAD_START_S = 0.03
 
 
 def give_head_start() -> None:
-    """Let the browser draw what was sent: no element or option of Streamlit says that something is urgent."""
+    """Let the browser draw what was sent: Streamlit has no way to mark something as urgent."""
     time.sleep(HEAD_START_S)
 
 
 def in_this_session(work: Callable[[T], R]) -> Callable[[T], R]:
-    """Return a function that does its work for this session in any thread, which has its state and caches meanwhile.
+    """Return a function that works for this session, with its state and caches, whichever thread calls it.
 
-    Runs of the page wait for it and a head start: what they send would keep the browser and the processor busy.
+    Runs of the page wait until it is done and the browser has had a head start, since they would keep both busy.
     """
     session = get_script_run_ctx()
 
@@ -150,7 +151,7 @@ def in_this_session(work: Callable[[T], R]) -> Callable[[T], R]:
 
 
 _waiting: dict[str, list[Callable[[], None]]] = {}
-"""Runs that wait, by their session."""
+"""Waiting runs, by session."""
 
 
 def _let_run(session: str) -> None:
@@ -159,13 +160,13 @@ def _let_run(session: str) -> None:
 
 
 def _event_loop() -> AbstractEventLoop | None:
-    """Return the loop in whose thread Streamlit serves all sessions; None without a server."""
+    """Return the event loop that serves all sessions; None without a server."""
     with suppress(AttributeError, RuntimeError):
         return runtime.get_instance()._get_async_objs().eventloop
     return None
 
 
-_watch = st.components.v2.component(
+_reconnection = st.components.v2.component(
     "stereolag.reconnection",
     js="""
 export default function ({ setTriggerValue }) {
@@ -187,12 +188,13 @@ export default function ({ setTriggerValue }) {
 def run_again_when_reconnected() -> None:
     """Rerun the page when its connection comes back; must be called outside any fragment.
 
-    Streamlit keeps the old page on the screen, whose files and results may be gone, and tells only its own elements.
+    Streamlit keeps the old page on the screen, although its files and results may be gone, and notifies only its own
+    elements.
     """
-    _watch(key="reconnection", on_back_change=lambda: None)
+    _reconnection(key="reconnection", on_back_change=lambda: None)
 
 
-_share = st.components.v2.component(
+_file_sharing = st.components.v2.component(
     "stereolag.sharing",
     js="""
 const ZONE = "[data-testid=stFileUploaderDropzone]";
@@ -206,7 +208,7 @@ const give = (label, file) => {
   dataTransfer.items.add(file);
   boxOf(label)?.dispatchEvent(new DragEvent("drop", { bubbles: true, cancelable: true, dataTransfer }));
 };
-// Whether a box has a file that it had not before and that has arrived, or is folded away.
+// Whether a box has received a new file, or is folded away.
 const has = async (label, before) => {
   for (let end = performance.now() + PATIENCE_MS; performance.now() < end; ) {
     await new Promise((done) => setTimeout(done, 50));
@@ -225,7 +227,7 @@ export default function ({ setStateValue }) {
     const row = zone.closest("[data-testid=stHorizontalBlock]");
     const zones = row ? [...row.querySelectorAll(ZONE)].filter(isForOne) : [zone];
     const shared = files.map((file, at) => [file, zones[at]?.ariaLabel ?? ""]);
-    // One after the other: a run of the page, which each file causes, may draw a box anew while it takes another.
+    // One after the other: each file causes a run of the page, which may redraw a box while it receives another file.
     for (const [file, label] of shared.filter(([, label]) => label)) {
       const before = part(label, "stFileChip");
       for (let tries = 0; tries < TRIES; tries += 1) {
@@ -243,27 +245,27 @@ export default function ({ setStateValue }) {
 
 
 def files_shared_out() -> list[list[str]]:
-    """Share files dropped together on a box for one among it and those beside it, by name: return which went where.
+    """Distribute files dropped together on a box for one file among it and the boxes beside it, in order of name.
 
-    Streamlit keeps the first and says nothing of the others. The name of a file is followed by the label of its box, ""
-    if none was left.
+    Streamlit would keep the first and silently drop the others. Return the name of each file and the label of its box,
+    "" if no box was left.
     """
-    return _share(key="files-shared", on_shared_change=lambda: None).shared or []
+    return _file_sharing(key="files-shared", on_shared_change=lambda: None).shared or []
 
 
 _run_again = AppSession.request_rerun
 
 
 def _run_again_unless_left(session: AppSession, asked: ClientState | None) -> None:
-    """Request a run, unless a part of a page asks for it that the visitor has left.
+    """Request a run, unless the request comes from a fragment of a page that the visitor has left.
 
-    Streamlit would run nothing under the name of the old page, at which the browser empties the new one.
+    Streamlit would run nothing under the name of the old page, and the browser would then empty the new one.
     """
     if asked is not None:
         noted = session._client_state
         if not asked.fragment_id:
-            # Streamlit notes a page only once it runs, and one that an address names only after its first run, until
-            # which it notes the home page: only then is there a name beside it.
+            # Streamlit records a page only once it runs; a page named in the address is recorded after its first run,
+            # until then as the home page with the other page's name.
             noted.page_script_hash, noted.page_name = asked.page_script_hash, asked.page_name
         elif asked.page_script_hash != noted.page_script_hash and not noted.page_name:
             return
@@ -278,7 +280,7 @@ AppSession.request_rerun = _run_again_unless_left  # type: ignore[assignment, me
 
 
 class _LookedUp(Mapping[str, Any]):
-    """The state of a session by the keys of a script, each looked up when it is asked for."""
+    """The state of a session by the keys of a script, each looked up on access."""
 
     def __init__(self, state: SafeSessionState) -> None:
         self._state = state
@@ -296,7 +298,7 @@ class _LookedUp(Mapping[str, Any]):
 _whole_state = SafeSessionState.filtered_state.fget  # type: ignore[attr-defined]
 
 # Every number box copies the whole state of the session to look up its own value in the copy: with the depth page's
-# 200 entries and five boxes that was a fifth of the time its script takes after the move of a slider.
+# 200 entries and five boxes, that took a fifth of the script's time after the move of a slider.
 SafeSessionState.filtered_state = property(_LookedUp)  # type: ignore[assignment, method-assign]
 
 
@@ -304,9 +306,9 @@ SafeSessionState.filtered_state = property(_LookedUp)  # type: ignore[assignment
 
 
 def freeze_imports() -> None:
-    """Exempt all present objects from garbage collection, whose pauses they would lengthen with many sessions.
+    """Exempt all present objects from garbage collection, since they would lengthen its pauses with many sessions.
 
-    What was frozen before is collected first: it includes reference cycles of the session that was open then.
+    Objects frozen before are collected first: they include reference cycles of the session that was open then.
     """
     gc.unfreeze()
     gc.collect()
@@ -314,18 +316,18 @@ def freeze_imports() -> None:
 
 
 def keep_uploads_in_memory() -> None:
-    """Keep uploads off the disk: by default, one above 1 MB is written to a temporary file on its way into memory."""
+    """Keep uploads off the disk: by default, those above 1 MB go through a temporary file on their way into memory."""
     MultiPartParser.spool_max_size = st.get_option("server.maxUploadSize") * 2**20
 
 
-FORGETTING_S = 5.0
-"""How long to wait for Streamlit's event loop to forget sessions, s; it may have ended."""
+FORGET_TIMEOUT_S = 5.0
+"""Longest wait for Streamlit's event loop to forget sessions, s; the loop may have ended."""
 
 
 def forget_ended_sessions() -> None:
     """Drop expired sessions and their files; Streamlit does so only when the next session or run ends, maybe never.
 
-    Its event loop does it, which the store of sessions belongs to; this returns once it is done.
+    The store of sessions belongs to Streamlit's event loop, so the loop does it; this function returns once it is done.
     """
     loop = _event_loop()
     if loop is None:
@@ -340,7 +342,7 @@ def forget_ended_sessions() -> None:
 
     with suppress(RuntimeError):  # the loop has ended
         loop.call_soon_threadsafe(forget)
-        forgotten.wait(FORGETTING_S)
+        forgotten.wait(FORGET_TIMEOUT_S)
 
 
 def keep_file(content: bytes, file_name: str, media_type: str, coordinates: str) -> None:
@@ -353,7 +355,7 @@ def keep_file(content: bytes, file_name: str, media_type: str, coordinates: str)
 
 
 def forget_file(coordinates: str) -> None:
-    """Drop a file from the store: it does so only when another one takes the coordinates."""
+    """Drop a file from the store, which happens only when another one takes its coordinates."""
     if runtime.exists():
         runtime.get_instance().media_file_mgr.add(b"", "text/plain", coordinates, is_for_static_download=True)
 
@@ -362,9 +364,9 @@ def forget_file(coordinates: str) -> None:
 
 
 def faults_of_script(script: Path, patience_s: float) -> list[str]:
-    """Run a page once as Streamlit's own tests do, without a browser or a server, and return its faults in lines.
+    """Run a page once, without a browser or a server, and return its errors, one line each.
 
-    Streamlit starts a server whatever happens in a page.
+    Streamlit itself would start a server even for a page that fails.
     """
     config.set_option("client.showErrorDetails", "full")  # visitors may see fewer details
     page = AppTest.from_file(script, default_timeout=patience_s).run()
@@ -374,8 +376,8 @@ def faults_of_script(script: Path, patience_s: float) -> list[str]:
 def run_server(script: Path, port: int, others: list[str]) -> None:
     """Serve an app in this process until it is stopped, as ``streamlit run`` does.
 
-    A server with routes of its own is stopped by signals that it raises again once everything is closed; the process
-    would then end as if it had been killed.
+    An app with its own routes raises the signal that stops it again once everything is closed, so that the process
+    would appear to have been killed.
     """
     from streamlit.web import cli
 
@@ -384,20 +386,20 @@ def run_server(script: Path, port: int, others: list[str]) -> None:
     cli.main(["run", str(script), "--server.port", str(port), *others], prog_name="streamlit")
 
 
-PROBE_PATIENCE_S = 60
-"""How long a page may take on a busy machine."""
+PROBE_TIMEOUT_S = 60
+"""Time a page may take on a busy machine, s."""
 
 
 def served_fault(port: int) -> str | None:
     """Return in one line why the app on a local port does not serve its home page, or None if it does.
 
-    Unlike ``/_stcore/health``, this runs the page in the process of the app: the health check of a container.
+    This is the health check of a container. Unlike ``/_stcore/health``, it runs the page in the process of the app.
     """
-    end = time.monotonic() + PROBE_PATIENCE_S
+    end = time.monotonic() + PROBE_TIMEOUT_S
     address = f"ws://localhost:{port}/_stcore/stream"
     try:
         # A proxy in the environment does not apply to this machine.
-        with connect(address, proxy=None, open_timeout=PROBE_PATIENCE_S, max_size=None) as page:
+        with connect(address, proxy=None, open_timeout=PROBE_TIMEOUT_S, max_size=None) as page:
             page.send(BackMsg(rerun_script=ClientState()).SerializeToString())
             while True:
                 message = ForwardMsg.FromString(page.recv(timeout=end - time.monotonic(), decode=False))
@@ -408,7 +410,7 @@ def served_fault(port: int) -> str | None:
                     well = message.script_finished == ForwardMsg.FINISHED_SUCCESSFULLY
                     return None if well else "The page cannot be compiled."
     except TimeoutError:
-        return f"No page came within {PROBE_PATIENCE_S} s."
+        return f"No page came within {PROBE_TIMEOUT_S} s."
     except (OSError, WebSocketException) as error:
         return str(error)
 

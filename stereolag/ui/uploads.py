@@ -1,4 +1,4 @@
-"""The inputs of a page: one of the examples, or the visitor's own files: bytes in, the content read from them out."""
+"""The inputs of a page: one of the examples, or the visitor's own files, read from their bytes."""
 
 from __future__ import annotations
 
@@ -24,13 +24,14 @@ from stereolag.ui.streamlit_inside import Container, UploadedFile, files_shared_
 
 T = TypeVar("T")
 
-ARRIVAL_S = 2.0
-"""How long an uploader may be empty before its file counts as removed, s; replacing a file empties it first."""
+REPLACEMENT_WAIT_S = 2.0
+"""Time an uploader may be empty before its file counts as removed, s; replacing a file empties it first."""
 
-SET_ASIDE_S = 120.0
-"""How long a file that seemed removed can be restored, s, if its slow replacement proves unreadable."""
+MAX_SET_ASIDE_S = 120.0
+"""Time within which a file that seemed removed is restored if its replacement proves unreadable, s."""
 
 REFUSED_KEY = "uploads.refused"
+"""Session-state key of whether the own files of this run were refused."""
 
 HERE_KEY = "uploads.here"
 """Session-state key of {label of a file this run requires: whether it is there}."""
@@ -56,7 +57,7 @@ class _Kept(Generic[T]):
 
 @dataclass
 class _State(Generic[T]):
-    """What is known of one uploader.
+    """The state of one uploader.
 
     Attributes
     ----------
@@ -65,9 +66,9 @@ class _State(Generic[T]):
     refused, sentence
         Files and variant that cannot be read, and why, so that they are not read again in every rerun.
     emptied
-        Whether the uploader was emptied, by the visitor or because another file is on its way.
+        Whether the uploader was emptied, by the visitor or because another file is arriving.
     set_aside
-        When a file seemed removed, and the content read from it.
+        When a file seemed to be removed, and the content read from it.
     """
 
     kept: _Kept[T] | None = None
@@ -104,10 +105,10 @@ def upload(
     key
         Widget key.
     types
-        Extensions of the files that can be read. Others may be given too, since Streamlit would drop them without a
-        word of why; `read` says it.
+        Extensions of the files that can be read. Others can be uploaded too, since Streamlit would drop them without
+        saying why; `read` says why it refuses them.
     variant
-        Anything else the reading depends on; None if nothing, so that the bytes need not be kept.
+        Anything else that the reading depends on; None if there is nothing, so that the bytes need not be kept.
     lasting
         Whether the file is still there when the visitor returns from another page or from an example.
     """
@@ -143,9 +144,9 @@ def upload_part(
     read
         Takes the bytes and the number of a part, from 1.
     parts
-        Returns the names of all parts of the file that content was read from.
+        Returns the names of all parts of the file from the content read.
     word
-        What a part is called.
+        Name of such a part: "Track".
     label, key, types, note
         As for :func:`upload`.
     """
@@ -160,14 +161,14 @@ def upload_part(
     return file
 
 
-MOST_OFFERED = 10_000
-"""Most frames of a file offered, so that a hostile file does not fill a page."""
+MAX_OFFERED_FRAMES = 10_000
+"""Number of frames of a file that can be chosen, so that a hostile file does not fill the page."""
 
 
 def frame_names(content: object) -> list[str]:
-    """Return the names of the frames of the file that a frame was read from; none for other content."""
+    """Return the names of all frames of a frame's file; none for other content."""
     count = content.count if isinstance(content, Frame) else 0
-    return [f"{number} of {count}" for number in range(1, min(count, MOST_OFFERED) + 1)]
+    return [f"{number} of {count}" for number in range(1, min(count, MAX_OFFERED_FRAMES) + 1)]
 
 
 def upload_picture(label: str, *, key: str, note: str = "") -> Upload[Image] | None:
@@ -185,9 +186,9 @@ def upload_named(
     note: str = "",
     variant: str | None = None,
 ) -> Upload[T] | None:
-    """Ask for files and return the content of all of them, read with their names, as :func:`upload` does for one.
+    """Ask for files and return the content read from all of them and their names, as :func:`upload` does for one.
 
-    They are read in order of their names, whichever arrived first: left before right, camera 0 before camera 1.
+    They are read in order of name, not of arrival: left before right, camera 0 before camera 1.
     """
     given = st.file_uploader(
         label,
@@ -203,15 +204,15 @@ def upload_named(
 
 
 def _accepted(types: Sequence[str], note: str) -> str:
-    """Return a hint and the accepted kinds of files as the help of an uploader."""
+    """Return the help of an uploader: a note, and the accepted types of files."""
     return " ".join(filter(None, (note, f"Accepted: {', '.join(one.upper() for one in types)}.")))
 
 
 def put_together(make: Callable[[], T] | None, key: str, digest: str | None = None) -> T | None:
     """Return the combination of several uploads; if they do not fit together, show why and return the last one.
 
-    While some are missing, `make` is None, and the last one is forgotten. With the `digest` that the combination will
-    have, it is not made again while that stays the same.
+    If some are missing, `make` is None, and the last combination is forgotten. If the `digest` of the combination is
+    given and unchanged, it is not made again.
     """
     kept: T | None = st.session_state.get(key)
     if make is None:
@@ -225,7 +226,7 @@ def put_together(make: Callable[[], T] | None, key: str, digest: str | None = No
 
 
 def refuse(sentence: str) -> None:
-    """Show why an input cannot be used when nothing else takes its place."""
+    """Show why an input cannot be used, if there is no previous one to use instead."""
     show_refused(sentence)
     st.session_state[REFUSED_KEY] = True
 
@@ -237,7 +238,7 @@ def _read_once(
     variant: str | None,
     lasting: bool = True,
 ) -> Upload[T] | None:
-    """Return the content read from these files before; read it now if there is none."""
+    """Return the content of these files, read before or now; show why if they cannot be read."""
     state: _State[T] = _state(key)
     if not files:
         if state.kept is not None and lasting and state.emptied:
@@ -257,7 +258,7 @@ def _read_once(
     if state.kept is None:
         moment, before = state.set_aside
         state.set_aside = -math.inf, None
-        state.kept = before if time.monotonic() - moment <= SET_ASIDE_S else None
+        state.kept = before if time.monotonic() - moment <= MAX_SET_ASIDE_S else None
     if state.refused != source:
         digest = _digest(contents) + (variant or "")
         try:
@@ -284,7 +285,7 @@ def hand_in(
     key: str,
     variant: str | None = None,
 ) -> None:
-    """Take files for those of the uploader `key`, as :func:`upload_named` would, and say in the page what they are."""
+    """Use files as those of the uploader `key`, like :func:`upload_named`; `said` tells the visitor about them."""
     state = _state(key)
     state.forget()
     contents = [content for _, content in files]
@@ -294,7 +295,7 @@ def hand_in(
 
 
 def hand_in_picture(data: bytes, said: str, *, key: str) -> None:
-    """Take a picture for that of the uploader `key`, as :func:`upload_picture` would, and say what it is."""
+    """Use a picture as that of the uploader `key`, like :func:`upload_picture`; `said` tells the visitor about it."""
     hand_in([("", data)], lambda files: guarded(read_frame)(files[0][1]), said, key=key, variant="")
 
 
@@ -313,8 +314,8 @@ def _state(key: str) -> _State[Any]:
 
 
 def _wait_for_another() -> None:
-    """Return when no other file has arrived for a while; if one does, its rerun of the page ends this run here."""
-    end = time.monotonic() + ARRIVAL_S
+    """Return once no other file has arrived for a while; if one does, its rerun of the page ends this run here."""
+    end = time.monotonic() + REPLACEMENT_WAIT_S
     with st.spinner("Removing the file …"):
         pulse = st.empty()
         while time.monotonic() < end:
@@ -333,8 +334,8 @@ OWN = "own"
 LIVE = "live"
 
 GONE = (
-    "The files of this page are gone: they stay in the session that they were added in, which ends with a reload, a "
-    "restart of the server, or a connection that is lost for too long. Add them again; the settings are kept."
+    "The files of this page are gone: they last as long as the session they were added in, which ends when the page "
+    "is reloaded, the server restarts or the connection is lost for too long. Add them again; the settings are kept."
 )
 
 
@@ -360,7 +361,7 @@ def choose(examples: Mapping[str, Example], *, key: str, live: str = "") -> str:
         **persistent(key),
         label_visibility="collapsed",
     )
-    # Only an address, or a browser that remembers an earlier session, starts with own files selected.
+    # Own files are initially selected only by an address, or by a browser that remembers an earlier session.
     st.session_state.setdefault(f"{key}.gone", chosen == OWN)
     if chosen in examples:
         st.session_state[f"{key}.example"] = chosen
@@ -368,7 +369,7 @@ def choose(examples: Mapping[str, Example], *, key: str, live: str = "") -> str:
 
 
 def no_files_yet(key: str) -> None:
-    """Record that a visitor sent to "own files" has uploaded none yet, so that none are reported as gone."""
+    """Record that a visitor led to "own files" has not uploaded any yet, so that none are reported as gone."""
     st.session_state[f"{key}.gone"] = False
 
 
@@ -397,12 +398,13 @@ def own_or_example(
     awaited
         Subject and verb of the notice shown until the visitor's files are there: "both images are".
     notes
-        Where it is said which of several files dropped on one box went where; here if None.
+        Where to say how several files dropped together were distributed; here if None.
     """
     if chosen != OWN:
         return load(chosen)
     st.session_state.update({REFUSED_KEY: False, HERE_KEY: {}})
-    place = (notes or st).empty()  # always there: what moves the boxes below has them drawn again without their files
+    # Always there: anything that moves the boxes below makes them be drawn again, without their files.
+    place = (notes or st).empty()
     if shared := files_shared_out():
         went = (f"{quote(name)} {f'went to **{escape(box)}**' if box else 'was not taken'}" for name, box in shared)
         place.caption(f"Dropped together: {', '.join(went)}.", width="content")
@@ -415,19 +417,19 @@ def own_or_example(
         st.stop()
     if st.session_state[f"{key}.gone"]:
         prose.warning(GONE, icon=":material/cloud_off:")
-        st.stop()  # the verdict on an example must not be taken for that on the files
+        st.stop()  # results of an example must not be mistaken for those of the files
     name: str = st.session_state.get(f"{key}.example", next(iter(examples)))
     here: dict[str, bool] = st.session_state[HERE_KEY]
     missing = [label for label, is_here in here.items() if not is_here] if any(here.values()) else []
-    said = f"Still missing: {', '.join(missing)}. Until then" if missing else f"Until {awaited} here,"
-    prose.info(f"{said} the page shows the example “{examples[name].title}”.", icon=":material/upload_file:")
+    until = f"Still missing: {', '.join(missing)}. Until then" if missing else f"Until {awaited} here,"
+    prose.info(f"{until} the page shows the example “{examples[name].title}”.", icon=":material/upload_file:")
     return load(name)
 
 
 def in_fold(key: str) -> Callable[[Callable[[], T | None]], Callable[[], T | None]]:
-    """Return a decorator that draws the uploaders of a page in a fold: open while files are missing, then closed once.
+    """Return a decorator that draws the uploaders of a page in a fold: open while files are missing, then closed.
 
-    `key` is the one given to :func:`choose`.
+    It is closed only once, so the visitor can open it again. `key` is the one given to :func:`choose`.
     """
     fold, there, opening = f"{key}.fold", f"{key}.there", f"{key}.fold.opening"
 
@@ -454,4 +456,4 @@ def show_limits(largest: str) -> None:
 
 def image_limits() -> str:
     """Return a sentence about the size limits of an image file."""
-    return f"Images may have {st.get_option('server.maxUploadSize')} MB and {limits().max_megapixels} megapixels."
+    return f"Images may have up to {st.get_option('server.maxUploadSize')} MB and {limits().max_megapixels} megapixels."

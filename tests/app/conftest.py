@@ -61,7 +61,7 @@ def without_a_browser() -> Iterator[None]:
         patch.setattr(AppTest, "_run", run_without_a_failure)
         # Nobody has to draw a map first, and no second file is on its way.
         patch.setattr(streamlit_inside, "HEAD_START_S", 0)
-        patch.setattr(uploads, "ARRIVAL_S", 0.1)
+        patch.setattr(uploads, "REPLACEMENT_WAIT_S", 0.1)
         # Without a server there are no ended sessions to forget, and the thread that does so would fail at times.
         patch.setattr(background_jobs, "_give_memory_back_after", lambda departures: None)
         yield
@@ -189,8 +189,8 @@ def small_examples(
         patch.setattr(samples, "mazes", lambda: parts_of_mazes)
         patch.setattr(samples, "recordings", lambda: short_recordings)
         patch.setattr(calibrate, "drawn_rig", lambda: rig)
-        patch.setattr(calibrate, "PAIRS", 6)
-        patch.setattr(calibrate, "WRONG_PAIR", 3)
+        patch.setattr(calibrate, "EXAMPLE_PAIRS", 6)
+        patch.setattr(calibrate, "MISMATCHED_PAIR", 3)
         st.cache_resource.clear()
         yield
         st.cache_resource.clear()

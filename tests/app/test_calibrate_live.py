@@ -31,7 +31,7 @@ def answer(taking: Taking, *parts: Rgb, **header: float) -> dict[str, Any]:
 
 def look(taking: Taking, pair: Pair, *, after: float = FRAME_MS) -> dict[str, Any]:
     """Return the answer to a frame that was taken so many milliseconds after the one before."""
-    at = after + (taking.seen[-1].at if taking.seen else 0)
+    at = after + (taking.recent[-1].at if taking.recent else 0)
     return answer(taking, np.hstack(pair), at=at)
 
 
@@ -95,7 +95,7 @@ def test_whether_a_board_is_still_depends_on_its_speed_at_any_frame_rate(taking:
                 moved = (cv2.warpAffine(view, shift, view.shape[1::-1]) for view in aside)
                 told.append(look(taking, tuple(moved), after=1000 / frames_a_second))  # type: ignore[arg-type]
             assert any(one["wanted"] for one in told) is still
-            taking.seen.clear()
+            taking.recent.clear()
 
 
 def test_a_view_without_the_board_is_named(taking: Taking, middle: Pair) -> None:

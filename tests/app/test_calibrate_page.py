@@ -82,7 +82,7 @@ def test_the_example_is_calibrated_and_held_to_the_camera_that_drew_it() -> None
 
 def test_pairs_are_matched_by_name_their_board_guessed_and_one_left_out_by_a_click() -> None:
     app = own()
-    assert "4 pairs, matched by name. Not used, without a partner or no pictures: “a.pdf”, “left99.png”." in said(app)
+    assert "Not used, as they have no partner or are not pictures: “a.pdf”, “left99.png”." in said(app)
     assert [box.value for box in app.number_input][:2] == [6, 4]
     assert "4 of 4" in app.header[0].value
     before = numbers(app)["Baseline"]

@@ -19,7 +19,7 @@ from stereolag.signals.by_hand import MAX_LAG, Disturbances
 from stereolag.signals.verdict import Reason
 from stereolag.ui.lag import parts
 from stereolag.ui.lag.inputs import Piece, answer
-from stereolag.ui.lag.panels import judged
+from stereolag.ui.lag.panels import disturbance_data
 from stereolag.ui.lag.sentences import DISTURBANCE_EXAMPLES, DISTURBED_LESSONS, DISTURBED_VERDICTS
 from tests.app import pages, reading, uploads
 from tests.app.pages import LAG, moved, open_page, uploaded
@@ -147,7 +147,7 @@ def test_a_video_of_two_tracks_has_a_control_for_them() -> None:
 
 
 def test_every_method_has_a_row_and_runs_are_timed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parts, "LONGEST_METHOD_S", 0.5)
+    monkeypatch.setattr(parts, "MAX_METHOD_S", 0.5)
     app = open_page(LAG, {"lag.part": "Methods"})
     assert not app.dataframe
     app.button(key="lag.comparison.recordings coast.start").click().run()
@@ -214,9 +214,9 @@ def test_recordings_too_short_to_slide_leave_the_examples() -> None:
 
 
 def test_what_is_said_of_every_disturbance(snapshot: Snapshot) -> None:
-    examples = {one["title"]: judged(Disturbances(**one["settings"])) for one in DISTURBANCE_EXAMPLES}
+    examples = {one["title"]: disturbance_data(Disturbances(**one["settings"])) for one in DISTURBANCE_EXAMPLES}
     others = ({"noise": 30}, {"echo": 100}, {"echo": 150}, {"repetition": 50, "echo": 60})
-    found = examples | {str(one): judged(Disturbances(**one)) for one in others}
+    found = examples | {str(one): disturbance_data(Disturbances(**one)) for one in others}
     snapshot({name: list(one["said"].values()) for name, one in found.items()})
     noisy = examples["Noise"]
     assert len(noisy["curve"]) == 2 * MAX_LAG + 1 and [len(part) for part in noisy["recordings"]] == [240, 240]
@@ -249,7 +249,7 @@ def test_a_sure_lag_has_metres_only_from_one_device_and_while_it_stays() -> None
     steady = heard(STEADY)
     assert (steady["sure"], steady["lag"], steady["difference"]) == (True, "40", pytest.approx(0.85, abs=0.01))
     assert "its path is 0.85\N{NO-BREAK SPACE}m longer" in steady["said"]
-    assert heard(DRIFTING)["said"] == "The source moves: the lag was 40 samples and is 45 now."
+    assert heard(DRIFTING)["said"] == "The source is moving: the lag was 40 samples and is 45 now."
     assert heard(STEADY[::-1])["lag"] == "−40"
     two, apart = heard(STEADY, devices=2)["said"], heard(DRIFTING, devices=2)["said"]
     assert two.startswith("Sensor 2 hears it 40.0 samples later. Two devices start at different moments")

@@ -89,7 +89,7 @@ def test_a_box_that_the_browser_has_not_drawn_anew_yet_does_not_move_its_slider_
 
 
 def test_a_value_can_be_typed_again(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(controls, "LATE_S", 0.0)
+    monkeypatch.setattr(controls, "STALE_VALUE_S", 0.0)
     for value in (5, 3, 5):
         app.number_input(key="size.exact").set_value(value).run()
         assert app.slider(key="size").value == value

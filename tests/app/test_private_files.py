@@ -86,7 +86,7 @@ def test_a_file_can_be_fetched_after_the_runs_of_other_visitors_until_its_time_i
 def test_many_large_files_are_not_all_kept(
     files: MediaFileManager, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(downloads, "MOST_BYTES", 100)
+    monkeypatch.setattr(downloads, "MAX_KEPT_BYTES", 100)
     names = [made_file(files, text) for text in ("a" * 60, "b" * 30, "c" * 50, "d" * 300)]
     end_runs(files)
     assert [fetched(files, name) for name in names] == [None, None, None, b"d" * 300]

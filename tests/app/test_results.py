@@ -15,7 +15,7 @@ from streamlit.testing.v1 import AppTest
 from stereolag.core.jobs import Estimate, Progress
 from stereolag.core.typography import duration, typeset
 from stereolag.ui import background_jobs, results
-from stereolag.ui.background_jobs import HEAVY_MEMORY, Job
+from stereolag.ui.background_jobs import HEAVY_BYTES, Job
 from tests.app.pages import page_of, until
 
 
@@ -39,7 +39,7 @@ def test_results_used_longest_ago_are_forgotten_first_and_never_the_newest() -> 
 
 
 def test_more_visitors_have_less_room_each_and_who_has_left_takes_none() -> None:
-    room = results.SharedRoom(max_bytes=400, most_each=300)
+    room = results.SharedRoom(max_bytes=400, max_each=300)
     visitors = [room.results() for _ in range(4)]
     for visitor in visitors:
         filled(visitor, a=100, b=100, c=100)
@@ -166,8 +166,8 @@ def test_a_job_that_fails_gives_its_turn_back(limit: Callable[..., None]) -> Non
 
 
 def test_what_is_light() -> None:
-    assert not background_jobs.is_heavy(Estimate(HEAVY_MEMORY - 1, background_jobs.HEAVY_S / 2))
-    assert background_jobs.is_heavy(Estimate(HEAVY_MEMORY, 0.0))
+    assert not background_jobs.is_heavy(Estimate(HEAVY_BYTES - 1, background_jobs.HEAVY_S / 2))
+    assert background_jobs.is_heavy(Estimate(HEAVY_BYTES, 0.0))
     assert background_jobs.is_heavy(Estimate(0, background_jobs.HEAVY_S))
 
 
@@ -191,13 +191,13 @@ def page() -> None:
 @pytest.fixture
 def gate(limit: Callable[..., None], empty_caches: None) -> Iterator[threading.Event]:
     """Return an event that lets all computations end."""
-    limit(1, 2 * HEAVY_MEMORY)
+    limit(1, 2 * HEAVY_BYTES)
     gate = threading.Event()
     yield gate
     gate.set()
 
 
-def opened(gate: threading.Event, memory: int = HEAVY_MEMORY) -> AppTest:
+def opened(gate: threading.Event, memory: int = HEAVY_BYTES) -> AppTest:
     return page_of(page, {"gate": gate, "memory": memory, "number": 1})
 
 
@@ -222,7 +222,7 @@ def somebody_else(gate: threading.Event) -> Job[bool]:
         begun.set()
         return gate.wait()
 
-    job = Job(work, Estimate(HEAVY_MEMORY, 10.0))
+    job = Job(work, Estimate(HEAVY_BYTES, 10.0))
     begun.wait()
     return job
 
@@ -230,7 +230,7 @@ def somebody_else(gate: threading.Event) -> Job[bool]:
 def test_who_comes_second_is_told_the_place_in_the_queue_unless_the_job_is_light(
     gate: threading.Event, somebody_else: Job[bool]
 ) -> None:
-    assert opened(open_gate(), memory=HEAVY_MEMORY - 1).markdown[0].value == "result 1"
+    assert opened(open_gate(), memory=HEAVY_BYTES - 1).markdown[0].value == "result 1"
     st.cache_resource.clear()
     app = opened(gate).run()
     assert somebody_else.running

@@ -70,7 +70,7 @@ def test_only_a_sure_lag_is_undone_in_files() -> None:
     pair = replace(recordings(), signal_2=noise(3900, seed=5))
     files = lag_files.lag_files(pair, lag_of(pair, LagSearch()), LagSearch())
     refused = {file.name: file.refusal for file in files if file.refusal}
-    assert refused == dict.fromkeys(("aligned.wav", "aligned.csv"), "Only a lag that is sure can be undone.")
+    assert refused == dict.fromkeys(("aligned.wav", "aligned.csv"), "Only a reliable lag can be undone.")
 
 
 def test_of_a_long_curve_the_part_around_the_lag_is_kept_and_a_reduced_one_is_called_so(
@@ -83,11 +83,11 @@ def test_of_a_long_curve_the_part_around_the_lag_is_kept_and_a_reduced_one_is_ca
     def curve_of(result: sl.SignalLag) -> File:
         return lag_files.lag_files(pair, result, search)[0]
 
-    assert "of every lag" in curve_of(result).meaning
+    assert "for every lag" in curve_of(result).meaning
     assert "of each stretch" in curve_of(reduced).meaning
-    monkeypatch.setattr(lag_files, "CURVE_LAGS", 1000)
+    monkeypatch.setattr(lag_files, "MAX_CURVE_LAGS", 1000)
     curve = curve_of(result)
-    assert "of the 1,000 lags around the one found" in curve.meaning
+    assert "the 1,000 lags around the one found" in curve.meaning
     assert len(str(curve.make()).splitlines()) == 1 + 1000
 
 
@@ -143,7 +143,7 @@ def test_all_is_on_offer_once_it_is_opened(path: str, part: str, labels: list[st
     assert not any(button.proto.disabled for button in buttons)
     (command,) = [block.value for block in app.code if block.value.startswith("stereolag ")]
     assert "--method fft" in command
-    assert any(caption.value.endswith("keep it as a bookmark.") for caption in app.caption)
+    assert any(caption.value.endswith("share or bookmark it.") for caption in app.caption)
 
 
 def test_both_are_heard_alone_and_together() -> None:
@@ -161,7 +161,7 @@ def test_a_zip_that_takes_too_much_memory_is_refused_and_nothing_is_made_unasked
 
     for maker in ("curve_csv", "lag_json", "aligned_file", "npy", "lag_script"):
         monkeypatch.setattr(lag_files, maker, made)
-    monkeypatch.setattr(lag_files, "BYTES_OF_A_SAMPLE", 10**6)
+    monkeypatch.setattr(lag_files, "ZIP_BYTES_PER_SAMPLE", 10**6)
     app = open_page(LAG, {"lag.part": "Take away"})
     assert not app.error
     (disabled,) = [button.proto for button in app.get("download_button") if button.proto.disabled]

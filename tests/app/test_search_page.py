@@ -92,8 +92,8 @@ def of_the_address(app: AppTest) -> str:
 
 def test_the_address_is_said_to_lack_what_was_cut_painted_and_uploaded() -> None:
     app = open_page(FIND, {"template.part": "Take away"})
-    held = "The address of this page holds its settings and the example: send it, or keep it as a bookmark."
-    given = "not in it: it opens the example’s template as it is."
+    held = "The address of this page holds its settings and the example: share or bookmark it."
+    given = "not in it: it opens the example’s own template."
     assert of_the_address(app) == held
     rows, cols = read_image(samples.mazes()["maze"].template).shape[:2]
     mask = np.ones((rows, cols), np.uint8)
@@ -167,7 +167,7 @@ def test_he_can_be_searched_by_hand() -> None:
     assert f"{rival['score']:.3f}" == numbers(app)["Best rival"]
     (place,) = search["places"]
     assert place["kind"] == "found" and place["corners"][0] == [199, 199]
-    assert "Every pixel counts." in search["words"]["texts"][".hint"]
+    assert "Shown at full resolution." in search["words"]["texts"][".hint"]
     assert score_map["name"] == search["name"]
     moved(app, {"template.method": "sampled"})
     assert told(app, "score_map") == []

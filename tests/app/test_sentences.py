@@ -80,7 +80,7 @@ def test_lags(snapshot: Snapshot) -> None:
         said[name] = [verdicts.verdict_in_words(one), *verdicts.verdict_explained(one)]
         said[name].append(f"curve: {verdicts.curve_in_words(one)}")
         if one.lags is not None:
-            said[name].append(f"below it: {lag.ribbon_in_words(one, 'fair')}")
+            said[name].append(f"below it: {lag.ribbon_in_words(one, 'weighted')}")
         if one.over_time is not None:
             said[name].append(f"over time: {lag.blocks_in_words(one.over_time, 44_100.0)}")
             if one.over_time.changes:

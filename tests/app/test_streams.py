@@ -312,12 +312,12 @@ def test_a_message_far_too_large_is_refused_before_it_has_come(open_stream: Any)
 
 
 def test_places_are_given_in_order_of_arrival_and_given_back(open_stream: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(streams, "IDLE_S", 0.5)
+    monkeypatch.setattr(streams, "MAX_IDLE_S", 0.5)
     with limited(max_live_streams=1):
         _, first = open_stream()
         send(first)
         assert told(first) == {"state": "running", "ahead": 0}
-        sockets = [open_stream()[1] for _ in range(streams.QUEUE_PER_PLACE)]
+        sockets = [open_stream()[1] for _ in range(streams.MAX_WAITING_PER_PLACE)]
         for ahead, socket in enumerate(sockets, 1):
             send(socket, ahead)
             assert told(socket) == {"state": "waiting", "ahead": ahead}
@@ -363,7 +363,7 @@ def by_streamlit(stream: Stream, number: int, data: bytes | int = 0) -> int:
 def test_messages_over_the_own_connection_of_streamlit_are_answered_and_kept_to_the_same_rules(
     open_stream: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(streams, "IDLE_S", 0.5)
+    monkeypatch.setattr(streams, "MAX_IDLE_S", 0.5)
     answered = []
 
     def noted(message: Numbered) -> bytes:

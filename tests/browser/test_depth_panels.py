@@ -125,7 +125,7 @@ def test_before_and_after_needs_no_rerun(open_part: OpenPart) -> None:
     page.get_by_label("Image on the left", exact=True).select_option("StereoBM")
     page.get_by_label("Image on the right").select_option("Ground truth")
     expect(page.locator("figcaption")).to_have_text("StereoBMGround truth")
-    split = page.get_by_role("slider", name="How much of the image on the left")
+    split = page.get_by_role("slider", name="Share of the image on the left")
     split.fill("25")
     expect(page.locator(".layer").nth(1)).to_have_css("clip-path", "inset(0px 0px 0px 25%)")
     hover(page.locator(".viewport"), 0.5, 0.5)

@@ -47,7 +47,7 @@ def test_pairs_outlive_a_lost_camera_are_used_on_demand_and_without_a_click_once
         show(number)
         expect(count).to_have_text(f"{2 + number // 2} pairs taken")
     finish.click()
-    expect(page.get_by_text("The 3 pairs that the camera has taken are in use.")).to_be_attached()
+    expect(page.get_by_text("The 3 pairs that the camera took are in use.")).to_be_attached()
     settled(page)
 
     page.get_by_role("radio", name="Live camera").click()
@@ -55,7 +55,7 @@ def test_pairs_outlive_a_lost_camera_are_used_on_demand_and_without_a_click_once
     for number in range(3, len(pairs)):
         expect(count).to_have_text(f"{number} pairs taken")
         show(number)
-    expect(page.get_by_text(f"The {len(pairs)} pairs that the camera has taken are in use.")).to_be_attached()
+    expect(page.get_by_text(f"The {len(pairs)} pairs that the camera took are in use.")).to_be_attached()
     settled(page)
     fake_media.expect_cameras_off(page)
     page.get_by_role("spinbutton", name="Side of a square").fill(str(1000 * SQUARE_M))

@@ -73,7 +73,7 @@ def test_a_sign_is_followed_until_it_is_covered_or_gone_found_again_and_a_frame_
 
     panel.get_by_role("button", name="Freeze").click()
     settled(page)
-    for said in ("The frame that you froze is in use.", "What you cut from the camera’s picture is in use."):
+    for said in ("The frame you froze is in use.", "Your cut-out from the camera’s picture is in use."):
         expect(page.get_by_text(said)).to_be_attached()
     expect(page.get_by_role("heading", name="Found at row")).to_be_visible()
     screenshot(page)

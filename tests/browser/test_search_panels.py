@@ -167,7 +167,7 @@ def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(s
         buttons.nth(step).press("Enter")
         expect(buttons.nth(step)).to_have_attribute("aria-pressed", "true")
         assert dots(page) == count
-    expect(said).to_contain_text("9 in all. Best: row 528, column 982, score 1.000.")
+    expect(said).to_contain_text("scored: 9 places. Best: row 528, column 982, score 1.000.")
     expect(page.locator(".funnel .picture .place")).to_have_count(1)
 
     bars.press("ArrowRight")
@@ -177,7 +177,7 @@ def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(s
     bars.press("End")
     expect(bars).to_have_attribute("aria-valuenow", "24")
     expect(buttons.nth(1)).to_have_text("This colour390,413")
-    expect(said).to_contain_text("Too many: only their count is shown")
+    expect(said).to_contain_text("Too many to draw")
     buttons.nth(1).click()
     expect(said).to_contain_text("600 of them are drawn")
     screenshot(page)

@@ -13,7 +13,7 @@ from PIL import Image
 
 from stereolag.core.inputs import as_grey
 from stereolag.figures.legends import Colours, strip_legend, word_legend
-from stereolag.ui.components import TRUTH_SCALE, TRUTH_ZERO, packed_grey_pair
+from stereolag.ui.components import TRUTH_OFFSET_PX, TRUTH_STEPS_PER_PX, packed_grey_pair
 from stereolag.ui.elements import Number
 from stereolag.ui.linked_pictures import DepthScale, Picture, Reading, described, packed
 from tests.packed import unpacked, values_of
@@ -118,6 +118,6 @@ def test_the_ground_truth_arrives_to_a_sixty_fourth_of_a_pixel() -> None:
     truth = np.array([[26.5, np.nan, 0.0], [-13.27, 300.1, 600.0]], np.float32)
     _, images = images_of(packed_grey_pair(image, image, truth, name="", digest=""))
     codes = images[2][..., 2].astype(int) * 256 + images[2][..., 1]
-    found = np.where(codes > 0, codes / TRUTH_SCALE - TRUTH_ZERO, np.nan)
+    found = np.where(codes > 0, codes / TRUTH_STEPS_PER_PX - TRUTH_OFFSET_PX, np.nan)
     expected = np.where(truth < 512, truth, np.nan)
-    np.testing.assert_allclose(found, expected, atol=0.5 / TRUTH_SCALE)
+    np.testing.assert_allclose(found, expected, atol=0.5 / TRUTH_STEPS_PER_PX)

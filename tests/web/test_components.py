@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from stereolag.ui.components import WEB, joined, script, whole
+from stereolag.ui.components import WEB, expanded, joined, script
 from tests.web.node import node_path
 
 
@@ -56,8 +56,8 @@ def test_what_cannot_be_joined_is_refused(tmp_path: Path, modules: dict[str, str
 @pytest.mark.parametrize(("ending", "shared"), [("css", "legend.css"), ("html", "legends.html")])
 def test_style_sheets_and_markup_have_those_they_import(ending: str, shared: str) -> None:
     legends = (WEB / "shared" / shared).read_text(encoding="utf-8")
-    assert legends in whole(WEB / "player" / f"player.{ending}")
-    assert all("@import" not in whole(path) for path in WEB.glob(f"*/*.{ending}"))
+    assert legends in expanded(WEB / "player" / f"player.{ending}")
+    assert all("@import" not in expanded(path) for path in WEB.glob(f"*/*.{ending}"))
 
 
 @pytest.mark.parametrize(

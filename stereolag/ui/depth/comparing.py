@@ -54,7 +54,15 @@ from stereolag.ui.depth.sentences import (
 )
 from stereolag.ui.depth.view import LEFT, DepthView, known_truth
 from stereolag.ui.downloads import download_button
-from stereolag.ui.elements import PERCENT, PIXELS, SECONDS, asked_for, in_columns, show_chart, show_picture
+from stereolag.ui.elements import (
+    PERCENT_FORMAT,
+    PIXELS_FORMAT,
+    SECONDS_FORMAT,
+    asked_for,
+    in_columns,
+    show_chart,
+    show_picture,
+)
 from stereolag.ui.linked_pictures import Picture, Reading, linked_pictures
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed, computed_before, computed_in_turn, computed_or_refused, kept_for
@@ -229,7 +237,9 @@ def _show_figures(view: DepthView, figures: Mapping[str, Evaluation]) -> None:
                 )
             meanings = MEANINGS | {f"Bad-{px:g}": f"Pixels off by more than {px:g} px." for px in first.bad}
             columns = {
-                name: st.column_config.NumberColumn(format=PIXELS if name == "EPE" else PERCENT, help=meaning)
+                name: st.column_config.NumberColumn(
+                    format=PIXELS_FORMAT if name == "EPE" else PERCENT_FORMAT, help=meaning
+                )
                 for name, meaning in meanings.items()
             }
             st.dataframe(
@@ -292,12 +302,12 @@ def _show_estimates(view: DepthView) -> None:
         column_config={
             "_index": st.column_config.TextColumn("Method"),
             "Estimated bad-2": st.column_config.NumberColumn(
-                format=PERCENT,
+                format=PERCENT_FORMAT,
                 help="Of the pixels that the accurate preset measured, the share where the method differs from it by "
                 "more than 2 px or has no disparity.",
             ),
             "Coverage": st.column_config.NumberColumn(
-                format=PERCENT, help="Share of all pixels whose disparity was measured, not filled in."
+                format=PERCENT_FORMAT, help="Share of all pixels whose disparity was measured, not filled in."
             ),
         },
         width=520,
@@ -420,7 +430,7 @@ def _show_table(table: Table) -> None:
         frame = frame.dropna(axis="columns", how="all")
         columns = {
             name: st.column_config.NumberColumn(
-                name.removesuffix(", %"), format=PERCENT if name.endswith("%") else SECONDS
+                name.removesuffix(", %"), format=PERCENT_FORMAT if name.endswith("%") else SECONDS_FORMAT
             )
             for name in frame.columns
         }

@@ -1,4 +1,4 @@
-"""The inputs of the page Sensor lag: examples, own files or microphones heard live, and the address that names them."""
+"""The inputs of the page Sensor lag: examples, own files or live microphones, and the address of the page."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ RECORDINGS = "recordings"
 
 @dataclass(frozen=True, eq=False)
 class RecordingPair(Inputs):
-    """Two recordings and their properties, None if unknown; a sentence where something speaks against them."""
+    """Two recordings and their properties, None if unknown, and a sentence of doubt if they look wrong, else ""."""
 
     signal_1: Vector
     signal_2: Vector
@@ -72,8 +72,8 @@ def choose_recordings() -> RecordingPair:
         show_try_first(
             {
                 LIVE: "clap your hands on the left, then on the right, and watch the needle.",
-                OWN: "drag the cut to where it fits; then *Fool it*.",
-            }.get(chosen, "drag the cut to where it fits; then take the harbour, or *Fool it*.")
+                OWN: "drag the snippet to where it fits; then *Fool it*.",
+            }.get(chosen, "drag the snippet to where it fits; then take the harbour, or *Fool it*.")
         )
     if chosen == LIVE:
         return _live_recordings()
@@ -83,7 +83,7 @@ def choose_recordings() -> RecordingPair:
 
 
 def _live_recordings() -> RecordingPair:
-    """Listen to the visitor's microphones; return what was frozen, and stop the page here while nothing was."""
+    """Listen to the visitor's microphones; return the frozen pair, or stop the page here while there is none."""
     _panel()
     frozen = open_stream("lag", Piece).kept.get("frozen")
     pair = None if frozen is None else _frozen_pair(*frozen)
@@ -94,13 +94,13 @@ def _live_recordings() -> RecordingPair:
 
 
 def _frozen_pair(file: Upload[Recording], speed: float) -> RecordingPair | None:
-    """Return what was frozen as a pair; if a channel cannot be used, show why and return the last one.
+    """Return a frozen recording of two channels as a pair; if one cannot be used, show why and return the last pair.
 
-    It is a recording of two channels as if from a file, with the speed of the wave that the visitor set, m/s.
+    `speed` is the wave speed set by the visitor, m/s.
     """
     digest = f"{file.digest} 1 {file.digest} 2"
-    known = None if speed == LagSearch().speed else speed
-    return put_together(lambda: replace(_pair(file, 1, file, 2, digest), speed=known), f"{RECORDINGS}.live", digest)
+    given = None if speed == LagSearch().speed else speed
+    return put_together(lambda: replace(_pair(file, 1, file, 2, digest), speed=given), f"{RECORDINGS}.live", digest)
 
 
 @st.cache_resource(show_spinner="Loading the example …")
@@ -118,7 +118,7 @@ def _own_recordings() -> RecordingPair | None:
     """Ask for two files, or for one with several channels; return the last usable pair."""
     columns = st.columns(2, gap="medium")
     with columns[0]:
-        first = _recording("Sensor 1", "file_1", note=f"{ACCEPTED}. A file of two channels is enough.")
+        first = _recording("Sensor 1", "file_1", note=f"{ACCEPTED}. One file with two channels is enough.")
         channel_1 = _channel(first, 0, key=f"{RECORDINGS}.channel_1")
     with columns[1]:
         second = _recording("Sensor 2", "file_2")
@@ -145,10 +145,10 @@ def _recording(label: str, name: str, note: str = "") -> Upload[Recording] | Non
     )
 
 
-def _channel(file: Upload[Recording] | None, at_first: int, *, key: str) -> int:
+def _channel(file: Upload[Recording] | None, initial: int, *, key: str) -> int:
     """Ask for the channel of a file that has several; return its number, from 1.
 
-    `at_first` is the index of the channel that is selected initially: 0 is the first.
+    `initial` is the index of the initially selected channel, from 0.
     """
     if file is None or len(file.content.channels) == 1:
         return 1 if file is None else file.content.numbers[0]
@@ -157,7 +157,7 @@ def _channel(file: Upload[Recording] | None, at_first: int, *, key: str) -> int:
         st.selectbox(
             "Channel",
             names,
-            index=at_first,
+            index=initial,
             format_func=lambda number: f"{number}: {names[number]}" if names[number] else str(number),
             key=f"{key}.{file.digest}",
         )
@@ -186,11 +186,11 @@ def _pair(
 
 
 SETTING_WIDTH = 170
-"""Width of a setting below the panel, px: its title fits into one line, and both into the width of a phone."""
+"""Width of a setting below the panel, px: its title fits into one line, and both settings fit on a phone."""
 
 
 class Piece(Message):
-    """A piece of sound: as many samples of 16 bits of each of two channels.
+    """A piece of sound: 16-bit samples of two channels, the same number of each.
 
     Attributes
     ----------
@@ -199,9 +199,9 @@ class Piece(Message):
     devices
         Number of devices that the channels come from.
     begun
-        Identifies when they were switched on.
+        Identifies the moment when they were switched on.
     freeze
-        Identifies the request that what is heard now be kept, if there is one.
+        Identifies the request to freeze the sound heard now, if there is one.
     """
 
     parts: tuple[bytes, bytes]
@@ -214,7 +214,7 @@ class Piece(Message):
     def _has_samples(self) -> Self:
         first, second = self.parts
         if len(first) != len(second) or len(first) % 2:
-            raise ValueError("Both channels must have as many samples of 16 bits.")
+            raise ValueError("Both channels must have the same number of 16-bit samples.")
         return self
 
 
@@ -229,17 +229,17 @@ def _panel() -> None:
     stream = open_stream("lag", Piece)
     stream.answer = partial(answer, stream.kept, speed=speed, max_lag=max_lag)
     with panel:
-        found = component("listening")(
+        panel_state = component("listening")(
             key="lag.live",
             data={**connected(stream, LISTENING_WORDS), "colours": COLOURS},
             on_freeze_change=lambda: None,
         )
-    if found.freeze:
-        st.rerun()  # the page now has the recording that the stream keeps
+    if panel_state.freeze:
+        st.rerun()  # so that the page uses the recording that the stream has kept
 
 
 def answer(kept: dict[str, Any], piece: Piece, *, speed: float, max_lag: int | None) -> bytes:
-    """Add a piece of sound to the last seconds, which are kept, and return what the panel shows of them."""
+    """Add a piece of sound to the last seconds, which are kept, and return their lag for the panel."""
     listening: Listening | None = kept.get("listening")
     if listening is None or piece.begun != kept["begun"] or piece.rate != listening.sampling_rate:
         listening = Listening(piece.rate)
@@ -251,11 +251,11 @@ def answer(kept: dict[str, Any], piece: Piece, *, speed: float, max_lag: int | N
         digest = hashlib.sha256(f"{listening.sampling_rate}".encode() + listening.samples.tobytes()).hexdigest()
         kept["frozen"] = Upload(digest, recording), speed
     heard = listening.measured(speed=speed, max_lag=max_lag)
-    shown = _shown(heard, piece.rate, speed, piece.devices)
+    shown = _panel_data(heard, piece.rate, speed, piece.devices)
     return packed_item(shown | ({"frozen": piece.freeze} if piece.freeze else {})).data
 
 
-def _shown(heard: Heard, rate: float, speed: float, devices: int) -> dict[str, Any]:
+def _panel_data(heard: Heard, rate: float, speed: float, devices: int) -> dict[str, Any]:
     lag = heard.lag_now
     sure = not np.isnan(lag)
     return {
@@ -268,36 +268,36 @@ def _shown(heard: Heard, rate: float, speed: float, devices: int) -> dict[str, A
 
 # The address
 
-LARGEST = 10**12
-"""Largest sampling rate, samples per second, and largest speed, metres per second."""
+MAX_RATE_OR_SPEED = 10**12
+"""Limit for a sampling rate, samples per second, and a speed, m/s, in an address."""
 
 
-def _first_search(pair: RecordingPair) -> dict[str, LagSearch]:
+def _initial_search(pair: RecordingPair) -> dict[str, LagSearch]:
     known = {"sampling_rate": pair.sampling_rate, "speed": pair.speed}
     return {"": LagSearch(**{name: value for name, value in known.items() if value is not None})}
 
 
 def lag_key(name: str, pair: RecordingPair) -> str:
-    """Return the key of a control; all except the method belong to the recordings."""
+    """Return the key of a setting's control; each pair has its own, except for the method."""
     return "lag.method" if name == "method" else f"lag.{name}.{pair.digest}"
 
 
 def _check_search(search: LagSearch, pair: RecordingPair) -> None:
-    """Refuse values that the page's number boxes do not accept, and values too large to draw figures with."""
+    """Refuse values that the page's number boxes do not accept, and values too large for figures."""
     if search.max_lag is not None and search.max_lag > pair.longest_lag:
         sentence = f"max_lag is {search.max_lag}; allowed are whole numbers from 0 to {pair.longest_lag} or None."
         raise SettingsError((Problem("max_lag", sentence),))
     for name, value in (("sampling_rate", search.sampling_rate), ("speed", search.speed)):
         low = Bounds.of(LagSearch.model_fields[name]).low
-        if low is not None and not low <= value <= LARGEST:
-            sentence = f"{name} is {value!r}; on this page allowed are numbers from {low:g} to {LARGEST:,}."
+        if low is not None and not low <= value <= MAX_RATE_OR_SPEED:
+            sentence = f"{name} is {value!r}; on this page allowed are numbers from {low:g} to {MAX_RATE_OR_SPEED:,}."
             raise SettingsError((Problem(name, sentence),))
 
 
 LAG_ADDRESS: Address[RecordingPair] = Address(
     "lag.address",
     lambda: {"recordings": example_choice(RECORDINGS, samples.recordings(), LIVE)},
-    _first_search,
+    _initial_search,
     lambda search, pair: adopt_values(search, partial(lag_key, pair=pair)),
     _check_search,
 )

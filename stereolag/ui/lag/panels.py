@@ -1,7 +1,7 @@
-"""The panels of the lag page that are moved by hand: recordings slid, disturbed, taken apart into arrows, and a plan.
+"""Interactive panels of the lag page: recordings slid or disturbed, their cross-spectrum, and a plan of the sensors.
 
-They are the interactive counterparts of Figs. 1.1, 1.3b, A.2 and C.1 to C.3 of the report. All but the disturbed
-recordings run in the browser; those are mixed and measured here whenever a slider moves.
+They are the interactive counterparts of Figs. 1.1, 1.3b, A.2 and C.1 to C.3 of the report. All run in the browser,
+except that the disturbed recordings are mixed and measured here whenever a slider moves.
 """
 
 from __future__ import annotations
@@ -57,16 +57,16 @@ def slide_it(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
 
 
 def slide_by_hand(pair: RecordingPair, result: SignalLag, *, small: bool = False) -> None:
-    """Show an excerpt of the recordings, if they overlap enough, and the examples that can be slid by hand.
+    """Show an excerpt of the recordings, if they overlap enough, and the examples, to slide by hand.
 
-    A small one is low, without the other examples, and explains nothing.
+    The small version is low and has neither examples nor explanations.
     """
-    own = remembered(
+    excerpt = remembered(
         "excerpt",
         lambda: _excerpt(pair, result),
         **kept_for(pair, f"{result.lag} {result.verdict}"),
     )
-    examples = json.loads(own) + ([] if small else _slides())
+    examples = json.loads(excerpt) + ([] if small else _slides())
     component("sliding")(
         key="lag.sliding",
         data={"examples": examples, "colours": COLOURS, "words": SLIDING_WORDS, "small": small},
@@ -75,8 +75,8 @@ def slide_by_hand(pair: RecordingPair, result: SignalLag, *, small: bool = False
 
 def _excerpt(pair: RecordingPair, result: SignalLag) -> bytes:
     """Return the excerpt of the recordings as JSON, in a list that is empty if they overlap too little."""
-    found = by_hand.excerpt(pair.signal_1, pair.signal_2, result.lag)
-    return json.dumps([described_slide(found, **excerpt_slid_in_words(found, result))] if found else []).encode()
+    slide = by_hand.excerpt(pair.signal_1, pair.signal_2, result.lag)
+    return json.dumps([described_slide(slide, **excerpt_slid_in_words(slide, result))] if slide else []).encode()
 
 
 @cache
@@ -85,8 +85,8 @@ def _slides() -> list[dict[str, Any]]:
     return [described_slide(slide, **SLIDING_EXAMPLES[slide.name]) for slide in slides]
 
 
-def described_slide(slide: by_hand.Slide, **said: Any) -> dict[str, Any]:
-    """Return an example as data for the browser, together with its texts, `said`."""
+def described_slide(slide: by_hand.Slide, **texts: Any) -> dict[str, Any]:
+    """Return an example as data for the browser, together with its texts."""
     return {
         "name": slide.name,
         "cut": slide.cut.round(4).tolist(),
@@ -94,7 +94,7 @@ def described_slide(slide: by_hand.Slide, **said: Any) -> dict[str, Any]:
         "lag": slide.lag,
         "step": slide.step,
         "whole": bool((slide.recording == slide.recording.round()).all()),
-        **said,
+        **texts,
     }
 
 
@@ -112,21 +112,21 @@ SLIDERS: Final = [
     if field.title
 ]
 
-SHOWN: Final = slice(3000, 3240)
-"""The samples of recording 1 shown above those of recording 2 that line up with them."""
+SHOWN_SAMPLES: Final = slice(3000, 3240)
+"""Samples of recording 1 that are shown, above those of recording 2 that line up with them."""
 
 
 @fragment
 def fool_it(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
-    """Show sliders that disturb a sound, whatever was measured, and their effect on the peak.
+    """Show sliders that disturb a built-in sound, and their effect on the peak.
 
-    The library measures it whenever a slider moves.
+    The lag is measured again whenever a slider moves.
     """
     key = "lag.fooling"
     try:
-        asked = by_hand.Disturbances.model_validate(dict(st.session_state.get(key) or {}).get("settings") or {})
+        settings = by_hand.Disturbances.model_validate(dict(st.session_state.get(key) or {}).get("settings") or {})
     except ValueError:
-        asked = by_hand.Disturbances()
+        settings = by_hand.Disturbances()
     component("disturbances")(
         key=key,
         data={
@@ -136,23 +136,25 @@ def fool_it(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
             "colours": COLOURS,
             "words": DISTURBANCE_WORDS,
             "lag": by_hand.LAG,
-            **judged(asked),
+            **disturbance_data(settings),
         },
         on_settings_change=lambda: None,
     )
 
 
 @lru_cache(maxsize=64)
-def judged(settings: by_hand.Disturbances) -> dict[str, Any]:
-    """Return the lag of recordings disturbed in this way, what is to be drawn of it and said about it."""
+def disturbance_data(settings: by_hand.Disturbances) -> dict[str, Any]:
+    """Return the drawing of recordings disturbed in this way, the verdict on their lag, and its texts."""
     first, second = by_hand.disturbed(settings)
     result = signal_lag(first, second, max_lag=by_hand.MAX_LAG)
     assert result.correlation is not None
-    of_second = slice(SHOWN.start + result.lag, SHOWN.stop + result.lag)
+    shown_2 = slice(SHOWN_SAMPLES.start + result.lag, SHOWN_SAMPLES.stop + result.lag)
     return {
         "settings": settings.model_dump(),
         "said": disturbed_in_words(settings, result),
-        "recordings": [(part / np.abs(part).max()).round(4).tolist() for part in (first[SHOWN], second[of_second])],
+        "recordings": [
+            (part / np.abs(part).max()).round(4).tolist() for part in (first[SHOWN_SAMPLES], second[shown_2])
+        ],
         "curve": result.correlation.round(5).tolist(),
         "ribbon": figures.band_of_chance(result),
         "peak": result.lag,
@@ -164,11 +166,11 @@ def judged(settings: by_hand.Disturbances) -> dict[str, Any]:
     }
 
 
-# Arrows that line up
+# Arrows of the cross-spectrum
 
 
 def show_phasors(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
-    """Show the arrows of the examples, and of the visitor's own recordings if a lag was found."""
+    """Show the cross-spectra of the examples, and of the visitor's own recordings if a lag was found."""
     prose.markdown(PHASOR_INTRODUCTION)
     component("phasors")(
         key="lag.phasors",
@@ -183,8 +185,8 @@ def show_phasors(pair: RecordingPair, result: SignalLag, search: LagSearch) -> N
 def _own_phasors(pair: RecordingPair, result: SignalLag) -> list[dict[str, Any]]:
     if pair.shared or result.verdict == "nothing":
         return []
-    found = phasors.common_stretch("own", pair.signal_1, pair.signal_2, result.lag)
-    return [described_phasors(found, **own_in_words(found))] if found else []
+    excerpt = phasors.common_stretch("own", pair.signal_1, pair.signal_2, result.lag)
+    return [described_phasors(excerpt, **own_in_words(excerpt))] if excerpt else []
 
 
 @cache
@@ -192,40 +194,40 @@ def _example_phasors() -> list[dict[str, Any]]:
     excerpts = []
     for name, example in samples.recordings().items():
         pair = example_recordings(name)
-        found = phasors.common_stretch(name, pair.signal_1, pair.signal_2, example.lag)
-        excerpts += [found] if found else []
+        excerpt = phasors.common_stretch(name, pair.signal_1, pair.signal_2, example.lag)
+        excerpts += [excerpt] if excerpt else []
     return [
         described_phasors(one, **PHASOR_EXAMPLES[one.name])
         for one in (phasors.knock(), *excerpts, phasors.tone(), phasors.noise())
     ]
 
 
-def described_phasors(found: phasors.Phasors, **said: Any) -> dict[str, Any]:
-    """Return an example as data for the browser, together with its texts, `said`."""
+def described_phasors(arrows: phasors.Phasors, **texts: Any) -> dict[str, Any]:
+    """Return an example as data for the browser, together with its texts."""
     described = {
-        "name": found.name,
-        "magnitude_1": _significant(found.magnitude_1),
-        "magnitude_2": _significant(found.magnitude_2),
-        "turns": found.turns.round(6).tolist(),
+        "name": arrows.name,
+        "magnitude_1": _significant(arrows.magnitude_1),
+        "magnitude_2": _significant(arrows.magnitude_2),
+        "turns": arrows.turns.round(6).tolist(),
         "size": phasors.SIZE,
         "longest": phasors.LONGEST_LAG,
-        "offset": found.offset,
-        "step": found.step,
-        "excerpt": found.offset != 0 or found.step > 1,
-        "measured": {name: _measured(found, whiten=name == "whitened") for name in ("plain", "whitened")},
-        **said,
+        "offset": arrows.offset,
+        "step": arrows.step,
+        "excerpt": arrows.offset != 0 or arrows.step > 1,
+        "measured": {name: _measured(arrows, whiten=name == "whitened") for name in ("plain", "whitened")},
+        **texts,
     }
-    return described | {"try": f"{excerpt_in_words(found)} {said['try']}"} if described["excerpt"] else described
+    return described | {"try": f"{excerpt_in_words(arrows)} {texts['try']}"} if described["excerpt"] else described
 
 
-def _measured(found: phasors.Phasors, *, whiten: bool) -> dict[str, Any]:
-    """Return lengths of the arrows, how far to the right their chain ends at each lag, and the bounds of all chains.
+def _measured(arrows: phasors.Phasors, *, whiten: bool) -> dict[str, Any]:
+    """Return the lengths of the arrows, the horizontal end of their chain at each lag, and the bounds of all chains.
 
-    In line, the arrows would reach `perfect`; `peaks` are indices of lags, the smallest lag first.
+    `perfect` is the length of the chain with all arrows in line; `peaks` are indices of lags, the smallest lag first.
     """
-    tips = phasors.chains(found, whiten=whiten)
+    tips = phasors.chains(arrows, whiten=whiten)
     heights = tips[:, -1].real
-    lengths = found.lengths(whiten=whiten)
+    lengths = arrows.lengths(whiten=whiten)
     ends = np.append(tips, [0, lengths.sum()])
     return {
         "lengths": _significant(lengths),
@@ -243,15 +245,15 @@ def _significant(values: Vector) -> list[float]:
 
 # From lag to metres
 
-EXAMPLE_M = 100.0
-"""Initial distance between the sensors if no path difference was measured, m."""
+MIN_EXAMPLE_SPACING_M = 100.0
+"""Smallest sensor spacing on the plan if no path difference was measured, m."""
 
 
 def show_plan(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
-    """Show the source positions that give the measured lag, if it is sure."""
+    """Show a plan of the sensors, with the source positions that give the measured lag, if that is reliable."""
     prose.markdown(PLAN_INTRODUCTION)
-    measured = result.time_s * search.speed if result.verdict == "sure" and result.lag else None
+    difference = result.time_s * search.speed if result.verdict == "sure" and result.lag else None
     component("plan")(
         key="lag.plan",
-        data={"difference": measured, "example": EXAMPLE_M, "speed": search.speed, "colours": COLOURS},
+        data={"difference": difference, "example": MIN_EXAMPLE_SPACING_M, "speed": search.speed, "colours": COLOURS},
     )

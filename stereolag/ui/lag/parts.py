@@ -1,4 +1,4 @@
-"""The parts of the page that measures a lag: the verdict, its curve, sound and files, and other methods."""
+"""The parts of the lag page: the verdict, its curve, sound and files, and other methods."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from stereolag.signals.over_time import LagOverTime
 from stereolag.signals.recordings import HeldRecording
 from stereolag.ui import prose
 from stereolag.ui.downloads import File, refusal_of, show_player, take_away, too_large
-from stereolag.ui.elements import Number, announce, asked_for, in_columns, show_line
+from stereolag.ui.elements import Number, announce, asked_for, in_columns, show_numbers
 from stereolag.ui.lag.inputs import RecordingPair
 from stereolag.ui.lag.sentences import (
     aligned_in_words,
@@ -43,28 +43,33 @@ from stereolag.ui.sentences import CURVES, LAG_METHODS
 
 WEIGHTED, PLAIN = "Weighted by overlap", "Not weighted"
 
-KEY = "lag.take"
 NAMES = ("recording_1.npy", "recording_2.npy")
 
-CURVE_LAGS = 1_000_000
-"""Most lags in a curve file: a spreadsheet has at most 1,048,576 rows."""
+MAX_CURVE_LAGS = 1_000_000
+"""Limit for the lags in a curve file: a spreadsheet has at most 1,048,576 rows."""
 
-BYTES_OF_A_SAMPLE, BYTES_OF_A_LAG = 80, 256
-"""Memory while the ZIP is made: recordings and curve, as numbers and as text."""
+ZIP_BYTES_PER_SAMPLE = 80
+"""Memory for the recordings, as numbers and as text, while the ZIP is made."""
 
-BYTES_OF_ALIGNED, BYTES_OF_A_LINE = 10, 60
-"""Memory per sample while the aligned WAV, and the CSV, are written."""
+ZIP_BYTES_PER_LAG = 256
+"""Memory for the curve, as numbers and as text, while the ZIP is made."""
 
-ALIGNED = "Recording 2 on the clock of recording 1, lag, drift and steps undone, as long as recording 1."
+WAV_BYTES_PER_SAMPLE = 10
+"""Memory while the aligned WAV is written."""
+
+CSV_BYTES_PER_SAMPLE = 60
+"""Memory while the aligned CSV is written."""
+
+ALIGNED = "Recording 2 on the clock of recording 1: lag, drift and steps undone, and as long as recording 1."
 
 
 def assumed(pair: RecordingPair, search: LagSearch) -> set[str]:
     """Return the settings that neither the recordings nor the visitor gave."""
-    first = LagSearch()
+    default = LagSearch()
     return {
         name
         for name in ("speed", "sampling_rate")
-        if getattr(pair, name) is None and getattr(search, name) == getattr(first, name)
+        if getattr(pair, name) is None and getattr(search, name) == getattr(default, name)
     }
 
 
@@ -80,8 +85,8 @@ def show_verdict(pair: RecordingPair, result: SignalLag, search: LagSearch) -> N
     score, undone, judgement = result.score, "", result.judgement
     if result.over_time is not None and result.over_time.changes:
         score, undone = _aligned_score(pair, result, result.over_time), ", with drift and steps undone"
-    highest = Number("Highest at", f"{result.lag:,}", "In samples, where the curve is highest: not a lag to rely on.")
-    show_line(
+    highest = Number("Highest at", f"{result.lag:,}", "The peak of the curve, in samples: not a lag to rely on.")
+    show_numbers(
         (
             *([] if result.verdict == "sure" else [highest]),
             Number(
@@ -92,7 +97,7 @@ def show_verdict(pair: RecordingPair, result: SignalLag, search: LagSearch) -> N
             Number(
                 "Evidence",
                 f"{judgement.evidence:.1f} of {judgement.needed:.1f} needed",
-                "How far the peak stands above chance, in standard deviations, and how far it must for this many lags.",
+                "Height of the peak above chance, in standard deviations, and the height needed with so many lags.",
             ),
             Number("Computed in", duration(result.elapsed_s), "Time of the computation alone, when first run."),
         )
@@ -100,7 +105,7 @@ def show_verdict(pair: RecordingPair, result: SignalLag, search: LagSearch) -> N
 
 
 def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
-    """Show the correlation curve with the range expected by chance."""
+    """Show the correlation curve with its chance level."""
     sizes, title = None, CURVES[search.method]
     if search.method in ("fft", "direct"):
         curve = st.segmented_control(
@@ -112,8 +117,8 @@ def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> Non
         figures.correlation_curve(result, title, sizes=sizes), key="correlation", alt=curve_in_words(result)
     )
     if result.lags is not None:
-        said = ribbon_in_words(result, "phat" if search.method == "phat" else "plain" if sizes else "fair")
-        first, _, more = said.partition(". ")
+        explanation = ribbon_in_words(result, "phat" if search.method == "phat" else "plain" if sizes else "weighted")
+        first, _, more = explanation.partition(". ")
         prose.caption(f"{first.removesuffix('.')}.", help=typeset(more) or None)
 
 
@@ -121,7 +126,7 @@ def show_over_time(pair: RecordingPair, result: SignalLag, search: LagSearch) ->
     """Show the lag of each block over time."""
     over_time = result.over_time
     if over_time is None:
-        prose.caption("The lag was not measured block by block: that takes a sure lag, and recordings that are longer.")
+        prose.caption("The lag was not measured block by block: that takes a reliable lag and longer recordings.")
         return
     st.plotly_chart(
         figures.lag_over_time(over_time, search.sampling_rate),
@@ -132,7 +137,7 @@ def show_over_time(pair: RecordingPair, result: SignalLag, search: LagSearch) ->
 
 
 def show_lined_up(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
-    """Show both recordings with the lag removed, whole and up close."""
+    """Show both recordings with the lag undone, whole and up close."""
     second, lag = lined_up(pair, result)
     left, right = st.columns(2, gap="large")
     with left:
@@ -145,10 +150,10 @@ def show_lined_up(pair: RecordingPair, result: SignalLag, search: LagSearch) -> 
     with right:
         shared, _ = overlap_slices(pair.signal_1.size, second.size, lag)
         prose.markdown(f"### Up close: {min(figures.CLOSE_UP_SAMPLES, shared.stop - shared.start)} samples of both")
-        start, highest = shared.start, shared.stop - figures.CLOSE_UP_SAMPLES
-        if start < highest:
+        start, last_start = shared.start, shared.stop - figures.CLOSE_UP_SAMPLES
+        if start < last_start:
             liveliest = figures.liveliest_start(pair.signal_1, shared)
-            start = st.slider("From sample", start, highest, liveliest, key=f"lag.from.{pair.digest}.{result.lag}")
+            start = st.slider("From sample", start, last_start, liveliest, key=f"lag.from.{pair.digest}.{result.lag}")
         st.plotly_chart(
             figures.close_up(pair.signal_1, second, lag, start), key="close_up", alt=close_up_in_words(lag, start)
         )
@@ -160,41 +165,42 @@ def listen(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     st.plotly_chart(
         figures.waveforms(first, second, rate), key="waveforms", alt=waveforms_in_words(first, second, rate)
     )
-    most = round(LONGEST_S * rate)
+    max_size = round(MAX_PLAYED_S * rate)
     aligned = _aligned(pair, result)
-    # Long ones are heard from where both have begun.
-    begun = max(0, -result.lag) if aligned.size > most else 0
-    heard = {
+    # Long recordings are played from where both have begun.
+    start = max(0, -result.lag) if aligned.size > max_size else 0
+    signals = {
         "sensor 1": first,
         "sensor 2": second,
-        "both, as recorded": mix(first[:most], second[:most]),
-        "both, the lag undone": mix(first[begun:][:most], aligned[begun:][:most]),
+        "both, as recorded": mix(first[:max_size], second[:max_size]),
+        "both, the lag undone": mix(first[start:][:max_size], aligned[start:][:max_size]),
     }
-    for name, signal in in_columns(heard.items()):
+    for name, signal in in_columns(signals.items()):
         player(signal, rate, name)
-    shortened = f" Only {LONGEST_S} s are played." if max(first.size, second.size) > most else ""
+    shortened = f" Only {MAX_PLAYED_S} s are played." if max(first.size, second.size) > max_size else ""
     prose.caption(f"{heard_in_words(result)}{shortened}")
 
 
-AUDIBLE_RATES = (3_000, 384_000)
-"""Lowest and highest sampling rate that browsers play, samples per second."""
+PLAYABLE_RATES_HZ = (3_000, 384_000)
+"""Lowest and highest sampling rate that browsers play."""
 
-LONGEST_S = 120
+MAX_PLAYED_S = 120
+"""Longest part of a recording that is played, s."""
 
 
 def player(signal: Vector, sampling_rate: float, name: str) -> None:
     """Show a player for at most the first two minutes of a recording."""
-    lowest, highest = AUDIBLE_RATES
+    lowest, highest = PLAYABLE_RATES_HZ
     if not lowest <= sampling_rate <= highest:
         prose.caption(f"There is no player for {name}: browsers play {lowest:,} to {highest:,} samples a second.")
         return
-    heard = signal[: round(LONGEST_S * sampling_rate)]
-    prose.caption(f"Listen to {name}" + ("" if heard.size == signal.size else f" (the first {LONGEST_S} s)"))
-    show_player(heard, sampling_rate, name)
+    played = signal[: round(MAX_PLAYED_S * sampling_rate)]
+    prose.caption(f"Listen to {name}" + ("" if played.size == signal.size else f" (the first {MAX_PLAYED_S} s)"))
+    show_player(played, sampling_rate, name)
 
 
 def lined_up(pair: RecordingPair, result: SignalLag) -> tuple[Vector, int]:
-    """Return recording 2 to be drawn beside recording 1, and the whole lag still to be undone, samples."""
+    """Return recording 2 for a plot with recording 1, and the lag by which the plot must still shift it, samples."""
     if result.over_time is not None and result.over_time.changes:
         return _aligned(pair, result), 0
     opposite = result.judgement.opposite_lag
@@ -202,14 +208,14 @@ def lined_up(pair: RecordingPair, result: SignalLag) -> tuple[Vector, int]:
 
 
 def _aligned_score(pair: RecordingPair, result: SignalLag, over_time: LagOverTime) -> float:
-    """Return Pearson's correlation of recording 1 and of recording 2 on its clock, where both have samples."""
+    """Return Pearson's correlation of recording 1 with recording 2 on its clock, where both have samples."""
     shared = slice(over_time.stretches[0].begin, over_time.stretches[-1].end)
-    first, second = (HeldRecording(normalised(one[shared])) for one in (pair.signal_1, _aligned(pair, result)))
+    first, second = (HeldRecording(normalised(signal[shared])) for signal in (pair.signal_1, _aligned(pair, result)))
     return overlap_pearson(first, second, 0)
 
 
 def _aligned(pair: RecordingPair, result: SignalLag) -> Vector:
-    """Return recording 2 on the clock of recording 1; at its best-fitting lag if that is not sure."""
+    """Return recording 2 on the clock of recording 1, with the best-fitting lag undone if none is reliable."""
     lag = result if result.verdict == "sure" else result.lag_subsample
     return remembered(
         "aligned recording",
@@ -220,49 +226,49 @@ def _aligned(pair: RecordingPair, result: SignalLag) -> Vector:
 
 def show_lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     """Offer the files of a lag."""
-    memory = BYTES_OF_A_SAMPLE * (pair.signal_1.size + pair.signal_2.size)
-    memory += BYTES_OF_A_LAG * min(CURVE_LAGS, 0 if result.lags is None else len(result.lags))
+    memory = ZIP_BYTES_PER_SAMPLE * (pair.signal_1.size + pair.signal_2.size)
+    memory += ZIP_BYTES_PER_LAG * min(MAX_CURVE_LAGS, 0 if result.lags is None else len(result.lags))
     files, command = lag_files(pair, result, search), lag_command(search, *NAMES)
-    take_away(files, memory, command, "measure this lag again", own=not pair.shared, key=KEY)
+    take_away(files, memory, command, "measure this lag again", own=not pair.shared, key="lag.take")
 
 
 def lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> list[File]:
     """Return the files of a lag, in the order they are offered."""
     rate, first, second = search.sampling_rate, pair.signal_1, pair.signal_2
     votes = result.lags is None
-    many = result.lags is not None and len(result.lags) > CURVE_LAGS
-    which = f"the {CURVE_LAGS:,} lags around the one found" if many else "every lag"
+    too_many = result.lags is not None and len(result.lags) > MAX_CURVE_LAGS
+    which = f"the {MAX_CURVE_LAGS:,} lags around the one found" if too_many else "every lag"
     if result.lags is not None and result.lags[-1] - result.lags[0] >= len(result.lags):
-        which = "the highest lag of each stretch, as drawn"
-    refusal = "" if result.verdict == "sure" else "Only a lag that is sure can be undone."
+        which = "the best lag of each stretch, as drawn"
+    refusal = "" if result.verdict == "sure" else "Only a reliable lag can be undone."
     return [
         File(
             "Votes CSV" if votes else "Curve CSV",
             "votes.csv" if votes else "curve.csv",
-            partial(curve_csv, result, rate, CURVE_LAGS),
+            partial(curve_csv, result, rate, MAX_CURVE_LAGS),
             "Lags in samples and in seconds, and their votes."
             if votes
-            else f"Lag in samples, time in seconds and correlation, of {which}.",
+            else f"Lag in samples, time in seconds and correlation, for {which}.",
         ),
         File(
             "Result JSON",
             "lag.json",
             partial(lag_json, result, search, assumed(pair, search)),
-            "The figures and settings, with the names of stereolag lag --json.",
+            "The results and settings, under the same names as in stereolag lag --json.",
         ),
         File(
             "Aligned WAV",
             "aligned.wav",
             partial(aligned_file, ".wav", first, second, result, rate),
             f"{ALIGNED} 32-bit floats.",
-            refusal or refusal_of(partial(check_wav, first.size, rate)) or too_large(BYTES_OF_ALIGNED * first.size),
+            refusal or refusal_of(partial(check_wav, first.size, rate)) or too_large(WAV_BYTES_PER_SAMPLE * first.size),
         ),
         File(
             "Aligned CSV",
             "aligned.csv",
             partial(aligned_file, ".csv", first, second, result, rate),
             f"{ALIGNED} Time in seconds, and the samples.",
-            refusal or too_large(BYTES_OF_A_LINE * first.size),
+            refusal or too_large(CSV_BYTES_PER_SAMPLE * first.size),
         ),
         File("Python script", "reproduce.py", partial(lag_script, search, *NAMES), "Measures this lag again."),
         File("", NAMES[0], partial(npy, first), "The samples of sensor 1 as they were compared."),
@@ -272,15 +278,15 @@ def lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> list
 
 # Other methods, and run times
 
-LONGEST_METHOD_S = 60.0
-"""Methods expected to take longer are left out of the table."""
+MAX_METHOD_S = 60.0
+"""Expected time above which a method is left out of the table, s."""
 
 RUNS = (10, 200, 50)
-"""Minimum, maximum and default number of runs."""
+"""Minimum, maximum and default number of runs to time."""
 
 
 def compare_methods(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
-    """Offer to run every method on the recordings, and the selected one many times."""
+    """Offer to run every method on the recordings, and to time many runs of the selected one."""
     left, right = st.columns(2, gap="large")
     with left:
         _show_table(pair, search)
@@ -290,34 +296,35 @@ def compare_methods(pair: RecordingPair, result: SignalLag, search: LagSearch) -
 
 def _show_table(pair: RecordingPair, search: LagSearch) -> None:
     estimates = {method: _estimate(pair, search, method) for method in get_args(SignalMethod)}
-    fitting = [
+    feasible = [
         method
         for method, estimate in estimates.items()
-        if estimate.seconds <= LONGEST_METHOD_S and estimate.memory <= limits().job_memory
+        if estimate.seconds <= MAX_METHOD_S and estimate.memory <= limits().job_memory
     ]
     total = Estimate(
-        max((estimates[method].memory for method in fitting), default=0),
-        sum(estimates[method].seconds for method in fitting),
+        max((estimates[method].memory for method in feasible), default=0),
+        sum(estimates[method].seconds for method in feasible),
     )
     prose.markdown(f"Every method on these recordings, about {duration(total.seconds)}.")
-    if not asked_for(True, "Compare the methods", f"lag.comparison.{pair.digest}", disabled=not fitting):
+    if not asked_for(True, "Compare the methods", f"lag.comparison.{pair.digest}", disabled=not feasible):
         return
 
     def measure(progress: Progress) -> list[SignalLag]:
         return [
-            _lag_by(pair, search, method, part(progress, number, len(fitting))) for number, method in enumerate(fitting)
+            _lag_by(pair, search, method, part(progress, number, len(feasible)))
+            for number, method in enumerate(feasible)
         ]
 
-    found = computed_or_refused(
+    results = computed_or_refused(
         "lag methods",
         measure,
         total,
         **kept_for(pair, search.model_dump_json(exclude={"method"})),
         label="Measuring …",
     )
-    if found is not None:
+    if results is not None:
         st.dataframe(
-            _table_of_methods(dict(zip(fitting, found, strict=True)), estimates),
+            _table_of_methods(dict(zip(feasible, results, strict=True)), estimates),
             hide_index=True,
             key="lag.comparison.table",
             alt="Lag, score, verdict and time of each method.",
@@ -325,12 +332,12 @@ def _show_table(pair: RecordingPair, search: LagSearch) -> None:
 
 
 def _table_of_methods(
-    lags: dict[SignalMethod, SignalLag], estimates: dict[SignalMethod, Estimate]
+    results: dict[SignalMethod, SignalLag], estimates: dict[SignalMethod, Estimate]
 ) -> dict[str, list[str]]:
-    """Return the columns of the table, formatted for display; methods without a lag were left out."""
+    """Return the columns of the table, formatted for display; methods without a result were left out."""
     rows = []
     for method, estimate in estimates.items():
-        result = lags.get(method)
+        result = results.get(method)
         if result is None:
             rows.append((LAG_METHODS[method], "–", "–", "left out", f"about {duration(estimate.seconds)}"))
             continue

@@ -1,4 +1,4 @@
-"""Sentences of the lag page: verdicts, metres only if a lag is sure, own recordings, alternatives, and the panels."""
+"""Sentences of the lag page: its curve, own recordings, text alternatives of charts, and the panels."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from stereolag.signals.listening import Heard
 from stereolag.signals.over_time import LagOverTime
 
 ECHO_S = 0.03
-"""Seconds; sounds closer together are heard as one (Haas, 1951)."""
+"""Delay below which two sounds are heard as one, s (Haas, 1951)."""
 
 _RIBBON = {
-    "fair": "Grey: chance level. The curve is Pearson’s correlation times √(overlap ÷ longest "
+    "weighted": "Grey: chance level. The curve is Pearson’s correlation times √(overlap ÷ longest "
     "overlap): 0.5 over many samples counts more than 0.9 over ten. The score above is the plain one at the peak.",
     "plain": "Grey: chance level, wider toward the ends, where few samples overlap. The curve is "
     "plain Pearson even there: over two or three samples it swings to ±1, which means nothing.",
@@ -34,16 +34,16 @@ _RIBBON = {
     "the share of them that agrees on the lag, so it is lower than the score.",
     "changing": "Red: every lag from the lowest to the highest. A lag that changes spreads the peak over them, so it "
     "can sink below chance level (grey). The ring marks the middle of the longest stretch.",
-    "within": "Grey: chance level. The peak stays below it in this curve; the evidence comes from other weights of the "
-    "frequencies.",
+    "within": "Grey: chance level. The peak stays below it in this curve; the evidence comes from other weightings of "
+    "the frequencies.",
     "many peaks": "The curve’s spread is that of its many peaks, not of chance, so no chance level is drawn.",
     "loud moments": "Loud moments or slow swings raise this curve far above its own spread without a common sound, so "
     "no chance level is drawn.",
 }
 
 
-def ribbon_in_words(result: SignalLag, curve: Literal["fair", "plain", "phat"]) -> str:
-    """Return what the grey ribbon is beside a curve, and why the peak is below it or the ribbon missing."""
+def ribbon_in_words(result: SignalLag, curve: Literal["weighted", "plain", "phat"]) -> str:
+    """Return what the grey ribbon behind a curve means, and why the peak is below it or the ribbon is missing."""
     if result.over_time is not None and result.over_time.changes:
         return _RIBBON["changing"]
     band = band_of_chance(result)
@@ -59,9 +59,9 @@ def _peak(result: SignalLag) -> float:
 
 
 def heard_in_words(result: SignalLag) -> str:
-    """Return how both recordings sound together, before and after the lag is undone."""
+    """Return a description of both recordings played together, before and after the lag is undone."""
     if result.verdict != "sure":
-        return f"No lag is sure here. The best-fitting lag, {result.lag:,} samples, is undone."
+        return f"No lag is reliable here. The best-fitting lag, {result.lag:,} samples, is undone."
     if result.lag == 0:
         return "The lag is 0: there is nothing to undo."
     if abs(result.time_s) < ECHO_S:
@@ -77,7 +77,7 @@ def own_facts(recordings: Sequence[Recording], channels: Sequence[int], counts: 
     recordings
         One channel each, at a common rate if their files state any.
     channels, counts
-        Number of each channel in its file, from 1, and the highest that the file has.
+        Number of each channel in its file, from 1, and the highest number in the file.
     """
     stated = next((one.sampling_rate for one in recordings if one.sampling_rate), None)
     lines = [
@@ -86,7 +86,7 @@ def own_facts(recordings: Sequence[Recording], channels: Sequence[int], counts: 
     ]
     apart = starts_apart(*recordings)
     if apart:
-        lines.append(f"By their own clocks, the recording of sensor 2 begins {duration(apart)} after that of sensor 1.")
+        lines.append(f"By their clocks, the recording of sensor 2 begins {duration(apart)} after that of sensor 1.")
     return "  \n".join(lines)
 
 
@@ -105,7 +105,7 @@ def _facts(recording: Recording, channel: int, count: int, stated: float | None)
 
 
 def upload_limits() -> str:
-    """Return how large a file may be."""
+    """Return a sentence about the size limits of a file."""
     samples, rate = limits().max_samples, LagSearch().sampling_rate
     return (
         f"At most {st.get_option('server.maxUploadSize')} MB and {samples / 1e6:,.0f} million samples per file, over "
@@ -124,7 +124,7 @@ def waveforms_in_words(signal_1: Vector, signal_2: Vector, sampling_rate: float)
 
 @typesets
 def aligned_in_words(result: SignalLag) -> str:
-    """Return how well the recordings match once the lag is undone."""
+    """Return a description of both recordings on one plot, and how well they match with the lag undone."""
     if result.over_time is not None and result.over_time.changes:
         return "Both recordings on one plot, the second on the clock of the first."
     if result.judgement.opposite_lag is not None:
@@ -144,24 +144,24 @@ def close_up_in_words(lag: int, start: int) -> str:
 
 @typesets
 def blocks_in_words(over_time: LagOverTime, sampling_rate: float) -> str:
-    """Return how the lag changes over time."""
-    said = over_time_in_words(over_time, sampling_rate) if over_time.changes else "it does not change measurably"
-    return f"Lag of {over_time.blocks} blocks over time: {said}."
+    """Return a description of the lag over time."""
+    change = over_time_in_words(over_time, sampling_rate) if over_time.changes else "it does not change measurably"
+    return f"Lag of {over_time.blocks} blocks over time: {change}."
 
 
 @typesets
 def run_times_in_words(seconds: Vector) -> str:
-    """Return how long the runs took."""
-    shortest, median, longest = (duration(float(one)) for one in np.percentile(seconds, (0, 50, 100)))
+    """Return the range and the median of the run times."""
+    shortest, median, longest = (duration(float(time)) for time in np.percentile(seconds, (0, 50, 100)))
     return f"Times of {seconds.size} runs: {shortest} to {longest}, median {median}."
 
 
 def drift_in_words(over_time: LagOverTime) -> str:
-    """Return by how much the lag grows within a stretch."""
+    """Return the rate at which the lag grows, apart from steps."""
     where = "Between the steps the" if over_time.steps else "The"
     rate = f"{over_time.ppm:+,.1f} ± {max(over_time.error_ppm, 0.1):.1g} ppm"
-    found = "the clocks run apart" if over_time.drifts else "no drift to speak of"
-    return f"Each dot is one block of the recordings. {where} lag grows by {rate}: {found}."
+    meaning = "the clocks run apart" if over_time.drifts else "no drift to speak of"
+    return f"Each dot is one block of the recordings. {where} lag grows by {rate}: {meaning}."
 
 
 # Panels
@@ -190,9 +190,9 @@ SLIDING_WORDS: Final[dict[str, Any]] = {
     "each": "place",
     "option": "Normalise",
     "meaning": "Divide by how loud both are: only the shape counts, and 1 is a perfect match",
-    "recording": "Recording 2, with the cut laid over it",
-    "cut": "Cut from recording 1: drag it",
-    "axis": "lag, samples: where the cut begins",
+    "recording": "Recording 2, with the snippet laid over it",
+    "cut": "Snippet of recording 1: drag it",
+    "axis": "lag, samples: where the snippet begins",
     "perfect": "perfect match",
     "lag": "Lag",
     "plain": {
@@ -219,7 +219,7 @@ SLIDING_EXAMPLES: Final[dict[str, dict[str, Any]]] = {
     },
     "tone": {
         "title": "Pure tone",
-        "try": "A tone that repeats every 20 samples. Drag the cut along and count the places where it fits.",
+        "try": "A tone that repeats every 20 samples. Drag the snippet along and count the places where it fits.",
         "said": {
             "plain": "Many equal peaks, 20 samples apart: a tone fits again after every period, so the lag stays "
             "ambiguous.",
@@ -228,7 +228,7 @@ SLIDING_EXAMPLES: Final[dict[str, dict[str, Any]]] = {
     },
     "noise": {
         "title": "Unrelated noise",
-        "try": "The cut comes from somewhere else: it is nowhere in recording 2. Does any place stand out?",
+        "try": "The snippet comes from somewhere else: it is nowhere in recording 2. Does any place stand out?",
         "said": {
             "plain": "No peak comes near a perfect match: nothing is shared, so ups and downs cancel everywhere. The "
             "highest point is chance.",
@@ -237,40 +237,41 @@ SLIDING_EXAMPLES: Final[dict[str, dict[str, Any]]] = {
     },
     "loud": {
         "title": "Loud stretch",
-        "try": "The cut fits at lag 90, but recording 2 gets loud later on. Play, then switch Normalise on.",
+        "try": "The snippet fits at lag 90, but recording 2 gets loud later on. Play, then switch Normalise on.",
         "said": {
-            "plain": "The loud stretch wins, though the cut does not fit there: big samples make big sums. Now switch "
-            "Normalise on.",
+            "plain": "The loud stretch wins, though the snippet does not fit there: big samples make big sums. Now "
+            "switch Normalise on.",
             "normalised": "Divided by loudness, only the shape counts: the true place, lag 90, reaches 1 and wins.",
         },
     },
 }
 
-_SLID_TO = {
+# Sentences on the peak of an excerpt: whether it is at the lag of the whole recordings.
+_PLAIN_PEAK = {
     True: "The peak is at {lag:,} samples, as over the whole recordings: there ups meet ups, and every product counts.",
     False: "In this stretch the peak is at {lag:,} samples; over the whole recordings it is at {whole:,}.",
 }
-_SLID_NORMALISED = {
+_NORMALISED_PEAK = {
     True: "Divided by loudness, the peak at {lag:,} samples reaches {score:.2f}; nothing else exceeds {rival:.2f}.",
-    False: "Divided by loudness, the highest place is {lag:,} samples, with {score:.2f}; over the whole recordings it "
-    "is {whole:,}.",
+    False: "Divided by loudness, the peak is at {lag:,} samples and reaches {score:.2f}; over the whole recordings it "
+    "is at {whole:,}.",
 }
 
 
 def excerpt_slid_in_words(slide: Slide, result: SignalLag) -> dict[str, Any]:
     """Return the texts for an excerpt of the recordings measured."""
     scores, sums = slide.scores, np.correlate(slide.recording, slide.cut, mode="valid")
-    said = {}
-    for name, heights, texts in (("plain", sums, _SLID_TO), ("normalised", scores, _SLID_NORMALISED)):
+    lessons = {}
+    for name, heights, texts in (("plain", sums, _PLAIN_PEAK), ("normalised", scores, _NORMALISED_PEAK)):
         lag = slide.lag + slide.step * int(np.argmax(heights))
         numbers = {"lag": lag, "whole": result.lag, "score": scores.max(), "rival": slide.rival}
-        said[name] = typeset(texts[abs(lag - result.lag) <= slide.step].format(**numbers))
+        lessons[name] = typeset(texts[abs(lag - result.lag) <= slide.step].format(**numbers))
     means = "" if slide.step == 1 else f", each the mean of {slide.step} samples"
     return {
         "title": "These recordings",
         "try": f"{slide.cut.size} points of sensor 1{means}, over the recording of sensor 2. Drag them to where they "
         "fit, and watch the products.",
-        "said": said,
+        "said": lessons,
     }
 
 
@@ -285,7 +286,7 @@ DISTURBANCE_EXAMPLES: Final[tuple[dict[str, Any], ...]] = (
     {
         "name": "noise",
         "title": "Noise",
-        "try": "Turn Noise up: the peak sinks into the grey band and the verdict turns. Then press Other noise a few "
+        "try": "Turn Noise up: the peak sinks into the grey band and the verdict changes. Then press Other noise a few "
         "times: where does the highest point go?",
         "settings": {"noise": 6},
     },
@@ -328,7 +329,7 @@ DISTURBANCE_WORDS: Final[dict[str, str]] = {
     "convinces": "needed",
 }
 
-_DISTURBED = "{where} {lag:,}, true lag {true:,} · evidence {evidence:,.1f} ({needed:,.1f} needed)"
+_DISTURBED_NUMBERS = "{where} {lag:,}, true lag {true:,} · evidence {evidence:,.1f} ({needed:,.1f} needed)"
 
 DISTURBED_VERDICTS: Final = {
     "clear": "Sure: recording 2 lags by {lag:,} samples.",
@@ -347,27 +348,22 @@ DISTURBED_LESSONS: Final = {
     "any other lag positive and negative products cancel.",
     "drift": "Each part of the recording has its own lag, so one tall peak becomes a low, broad one. "
     "Measured block by block, the lags form a straight line; along it, the recordings agree.",
-    "steps": "Part of a recording is missing: before and after it, the lag is another.",
+    "steps": "Part of a recording is missing, so the lag differs before and after it.",
     "wrong": "Another copy of the sound, an echo or a repetition, made the higher peak. A correlation finds the "
     "copy that fits best; it cannot know which one came directly.",
     "repeats": "Shifted by one period, the sound matches itself again, so every tooth fits as well as the next. A "
     "tone is nothing but repetition, so it has many peaks.",
     "rivals": "The sound is there more than once, as an echo or a repetition, and each copy makes an equally "
     "good peak.",
-    "chance": "Noise never lines up: at every lag its products cancel, but for chance. One of {searched:,} lags "
+    "chance": "Noise never lines up: at every lag its products cancel, apart from chance. One of {searched:,} lags "
     "must be the highest; it means nothing, and with other noise it is elsewhere.",
-    "too_little": "Products cancel at every lag but for chance; one of {searched:,} lags must be the highest.",
-    "opposite_sign": "Where every product is negative, one microphone is reversed.",
-}
-
-_DISTURBED_NOTES: Final = {
-    "echo": "The smaller peak {delay:,} samples later is the echo.",
-    "teeth": "The repeating part makes the teeth every {period:,} samples; the rest settles the lag.",
+    "too_little": "Products cancel at every lag, apart from chance; one of {searched:,} lags must be the highest.",
+    "opposite_sign": "Where every product is negative, the polarity of one microphone is reversed.",
 }
 
 
 def disturbed_in_words(settings: Disturbances, result: SignalLag) -> dict[str, str]:
-    """Return the verdict on disturbed recordings, its kind, its numbers, and what can be learnt from it."""
+    """Return the verdict on disturbed recordings, its kind, its numbers, and its lesson."""
     judgement, lag, rivals = result.judgement, result.lag, result.rivals
     wrong = result.verdict == "sure" and abs(lag - LAG) > settings.drift / 2 + 2
     reason = "wrong" if wrong else judgement.reason
@@ -375,8 +371,6 @@ def disturbed_in_words(settings: Disturbances, result: SignalLag) -> dict[str, s
     numbers = {
         "lag": lag,
         "true": LAG,
-        "delay": ECHO_DELAY,
-        "period": settings.period,
         "spacing": judgement.spacing,
         "rivals": (
             f"at least {len(rivals)} other lags fit as well"
@@ -391,14 +385,14 @@ def disturbed_in_words(settings: Disturbances, result: SignalLag) -> dict[str, s
         "needed": judgement.needed,
     }
     lesson = " ".join((DISTURBED_LESSONS[reason], *_disturbed_notes(settings, result)))
-    said = {"verdict": DISTURBED_VERDICTS[reason], "numbers": _DISTURBED, "said": lesson}
+    texts = {"verdict": DISTURBED_VERDICTS[reason], "numbers": _DISTURBED_NUMBERS, "said": lesson}
     return {"kind": "fooled" if wrong else result.verdict} | {
-        place: typeset(text.format(**numbers)) for place, text in said.items()
+        place: typeset(text.format(**numbers)) for place, text in texts.items()
     }
 
 
 def _disturbed_notes(settings: Disturbances, result: SignalLag) -> Iterator[str]:
-    """Yield what else is seen: no band of chance, or an echo or teeth above it around a sure peak."""
+    """Yield notes on the curve: why it has no chance level, or the echo or teeth above it around a sure peak."""
     assert result.correlation is not None
     band = band_of_chance(result)
     if band is None:
@@ -406,13 +400,13 @@ def _disturbed_notes(settings: Disturbances, result: SignalLag) -> Iterator[str]
     elif result.verdict == "sure" and result.lag == LAG:
         heights, chance = result.correlation[MAX_LAG:], band[1]
         if settings.echo and heights[LAG + ECHO_DELAY] > chance:
-            yield _DISTURBED_NOTES["echo"]
+            yield f"The smaller peak {ECHO_DELAY:,} samples later is the echo."
         if settings.repetition and heights[[LAG - settings.period, LAG + settings.period]].min() > chance:
-            yield _DISTURBED_NOTES["teeth"]
+            yield f"The repeating part makes the teeth every {settings.period:,} samples; the rest settles the lag."
 
 
 PHASOR_INTRODUCTION: Final = (
-    "Two recordings have one arrow for each frequency: their cross-spectrum. A shift in time turns each arrow in "
+    "The cross-spectrum of two recordings has one arrow for each frequency. A shift in time turns each arrow in "
     "proportion to its frequency: twice the frequency, twice the angle. The slider turns all of them back by its lag. "
     "At the true lag they all point the same way, and nothing cancels."
 )
@@ -437,12 +431,12 @@ PHASOR_WORDS: Final[dict[str, Any]] = {
         "lags": ["Correlation over lag, in samples", "at the lags tried"],
     },
     "recordings": ["recording 1", "recording 2"],
-    "frequency": "frequency, turns a sample",
+    "frequency": "frequency, turns per sample",
     "in_line": "all arrows in line",
     "lag": "Lag",
     "there": "in the recordings",
     "plain": "correlation",
-    "whitened": "correlation, all frequencies alike",
+    "whitened": "correlation, all frequencies equal",
 }
 
 PHASOR_EXAMPLES: Final[dict[str, dict[str, Any]]] = {
@@ -496,12 +490,12 @@ PHASOR_EXAMPLES: Final[dict[str, dict[str, Any]]] = {
 
 
 def excerpt_in_words(found: phasors.Phasors) -> str:
-    """Return where the stretches were cut from the two recordings, and the lag left between them."""
+    """Return where the two stretches begin in their recordings, and the lag that remains between them."""
     means = "" if found.step == 1 else f", each the mean of {found.step} samples of the recording"
     later = "later" if found.offset >= 0 else "earlier"
     return (
         f"{phasors.LENGTH} samples{means}. Those of recording 2 begin {abs(found.offset):,} samples {later}, so that a "
-        f"lag of {phasors.LAG} is left."
+        f"lag of {phasors.LAG} remains."
     )
 
 
@@ -534,40 +528,41 @@ LISTENING_WORDS: Final[dict[str, Any]] = {
     "sensors": ["Sensor 1", "Sensor 2"],
     "same": "Channel 2 of the same device",
     "samples": "samples",
-    "apart": "Sensors apart",
+    "apart": "Sensor spacing",
 }
 
 _HEARD: Final = {
     "silent": "It is quiet: clap your hands.",
     "one silent": "Only sensor {other} hears something: sensor {silent} is silent.",
-    "alike": "One channel only: both have the same samples, so there is one microphone behind them. Choose a second "
-    "device for sensor 2.",
+    "alike": "One channel only: both have the same samples, so they come from one microphone. Choose a second device "
+    "for sensor 2.",
     "few": "Listening …",
-    "moved": "The source moves: the lag was {before:,.0f} samples and is {now:,.0f} now.",
+    "moved": "The source is moving: the lag was {before:,.0f} samples and is {now:,.0f} now.",
 }
 
+# What two devices add, by whether the lag changes.
 _TWO_CLOCKS = {
-    False: "Two devices start at different moments, so the lag holds their delays too: no metres.",
+    False: "Two devices start at different moments, so the lag includes their delays and gives no distance.",
     True: "Two devices have two clocks, and these run apart.",
 }
 
 
 @typesets
 def heard_now_in_words(heard: Heard, devices: int) -> str:
-    """Return what is heard live by two channels of one device, or of two: which sensor is later, or why none is."""
+    """Return which sensor hears the sound later, or why that is unknown, for two channels of one or two devices."""
     result = heard.result
     if result is None:
         if len(heard.silent) == 1:
             (silent,) = heard.silent
             return _HEARD["one silent"].format(silent=silent, other=3 - silent)
         return _HEARD["alike" if heard.identical else "silent" if heard.silent else "few"]
-    said = verdict_in_words(result).replace("**", "")
+    verdict = verdict_in_words(result).replace("**", "")
     if result.verdict != "sure":
-        return said
+        return verdict
     over_time = result.over_time if result.over_time is not None and result.over_time.changes else None
     if devices == 1:
-        return said if over_time is None else _HEARD["moved"].format(before=over_time.start, now=heard.lag_now)
+        return verdict if over_time is None else _HEARD["moved"].format(before=over_time.start, now=heard.lag_now)
     if over_time is None:
         sensor = 2 if heard.lag_now >= 0 else 1
-        said = f"Sensor {sensor} hears it {abs(heard.lag_now):,.1f} samples later."
-    return f"{said} {_TWO_CLOCKS[over_time is not None]}"
+        verdict = f"Sensor {sensor} hears it {abs(heard.lag_now):,.1f} samples later."
+    return f"{verdict} {_TWO_CLOCKS[over_time is not None]}"

@@ -1,7 +1,7 @@
-"""The inputs of the page Rocketman search: examples or own files, and what is drawn on them in the browser.
+"""The inputs of the page Rocketman search: examples or own files, and templates and masks made in the browser.
 
-With a mouse, a finger or the keyboard, a template is cut from an image, and a mask is painted on it; a box may also be
-typed as numbers.
+With a mouse, a finger or the keyboard, a template is cut from an image, and a mask is painted on it; the box can also
+be typed as numbers.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class PictureAndTemplate(Inputs):
     """An image, the template to find in it, and a mask: above 0 where the template counts, None to use its alpha.
 
     `place` is the (row, col) of the template's top-left pixel, known for an example and for a template cut from the
-    image. `by_hand` names the parts of an example that the visitor made by hand; such inputs are not shared.
+    image. `by_hand` names the parts of an example that the visitor replaced; such inputs are not shared.
     """
 
     picture: Image
@@ -80,12 +80,15 @@ def choose_pictures() -> PictureAndTemplate | None:
         )
         if chosen == LIVE:
             return None
-        given = "Template: a file" if chosen == OWN else "The example’s template"
+        names = {
+            "given": "Template: a file" if chosen == OWN else "The example’s template",
+            "cut": "Cut from the image",
+        }
         template_from = st.segmented_control(
             "Template",
-            ("given", "cut"),
+            names,
             default="given",
-            format_func=lambda one: given if one == "given" else "Cut from the image",
+            format_func=names.__getitem__,
             required=True,
             **persistent(f"{PICTURES}.from"),
             label_visibility="collapsed",
@@ -102,7 +105,7 @@ def choose_pictures() -> PictureAndTemplate | None:
 
 
 def with_painted_mask(inputs: PictureAndTemplate) -> PictureAndTemplate:
-    """Offer to paint a mask on the template, and return the inputs with the mask painted, if any."""
+    """Offer to paint a mask on the template, and return the inputs with the painted mask, if any."""
     painted = painted_mask(inputs.template, inputs.mask, digest=inputs.digest, key=f"{PICTURES}.painted")
     if painted is None:
         return inputs
@@ -171,7 +174,7 @@ def _example_cut(name: str) -> PictureAndTemplate:
 
 
 def _cut(image: Image, description: str, digest: str, *, shared: bool) -> PictureAndTemplate:
-    """Ask for a box in an image, whose pixels become the template; the result is private to the visitor."""
+    """Ask for a box in an image, whose pixels become the template; the result is not shared."""
     box = box_in(image, digest=digest, shared=shared, key=f"{PICTURES}.cut")
     return PictureAndTemplate(
         f"{description} The cut-out finds itself: ask for more matches, or damage the image below.",
@@ -185,7 +188,7 @@ def _cut(image: Image, description: str, digest: str, *, shared: bool) -> Pictur
 
 
 def _together(picture: Upload[Image], template: Upload[Image], mask: Upload[Image] | None) -> PictureAndTemplate:
-    """Return image, template and mask together; ValueError if the template does not fit the image, or the mask."""
+    """Return image, template and mask together; ValueError if the template does not fit the image or the mask."""
     image, small = (
         as_image(one.content, name, gaps=True) for one, name in ((picture, "image"), (template, "template"))
     )
@@ -217,8 +220,8 @@ TEMPLATE_ADDRESS: Address[PictureAndTemplate | None] = Address(
 
 # Drawn by hand
 
-LEAST_SIDE: Final = 4
-"""Px; a smaller template fits nearly everywhere."""
+MIN_SIDE: Final = 4
+"""Smallest side of a template cut by hand, px: a smaller one fits nearly everywhere."""
 
 
 def read_box(value: object, image_shape: tuple[int, ...]) -> Box:
@@ -227,10 +230,10 @@ def read_box(value: object, image_shape: tuple[int, ...]) -> Box:
     Raises
     ------
     ValueError
-        Anything but four whole numbers, sides below :data:`LEAST_SIDE`, or a box that leaves the image.
+        Anything but four whole numbers, a side below :data:`MIN_SIDE`, or a box that leaves the image.
     """
     rows, cols = image_shape[:2]
-    heights, widths = range(LEAST_SIDE, rows + 1), range(LEAST_SIDE, cols + 1)
+    heights, widths = range(MIN_SIDE, rows + 1), range(MIN_SIDE, cols + 1)
     allowed = {"row": range(rows), "col": range(cols), "height": heights, "width": widths}
     given = value if isinstance(value, Mapping) else {}
     if given.keys() == allowed.keys() and all(given[name] in numbers for name, numbers in allowed.items()):
@@ -239,7 +242,7 @@ def read_box(value: object, image_shape: tuple[int, ...]) -> Box:
             return box
     raise ValueError(
         "The box needs a row, a column, a height and a width in whole pixels, within the image of "
-        f"{cols} × {rows} and at least {LEAST_SIDE} × {LEAST_SIDE}."
+        f"{cols} × {rows} and at least {MIN_SIDE} × {MIN_SIDE}."
     )
 
 
@@ -261,7 +264,7 @@ def read_packed_mask(value: object, shape: tuple[int, int]) -> Image:
     Raises
     ------
     ValueError
-        Not such a text for that size, or a mask with fewer than two pixels that count.
+        Not a mask of that size, or a mask with fewer than two pixels that count.
     """
     height, width = shape
     size = -(-height * width // 8)
@@ -277,20 +280,20 @@ def read_packed_mask(value: object, shape: tuple[int, int]) -> Image:
     return bits.reshape(height, width) * np.uint8(255)
 
 
-SENT_WIDTH: Final = 1200
-"""Px; wider images are sent smaller, but the box stays in pixels of the full image."""
+MAX_SENT_WIDTH: Final = 1200
+"""Width above which an image is reduced for the browser, px; the box stays in pixels of the full image."""
 
-LARGEST_PIXELS: Final = 1_000_000
-"""Largest template that can be painted on; a larger one needs a mask from a file."""
+MAX_PAINTED_PIXELS: Final = 1_000_000
+"""Number of pixels of a template above which it cannot be painted on; a larger one needs a mask from a file."""
 
 
 def _send_picture(name: str, data: bytes, *, key: str) -> None:
-    """Send a PNG or JPEG as the background of the component given the same name."""
+    """Send a PNG or JPEG as the background of the component that has the same name."""
     deliver(packed_item({"kind": "drawn-on", "name": name, "digest": name}, [data]).data, key=key)
 
 
-def _keep_what_came(key: str, name: str, digest: str, read: Callable[[object], object]) -> None:
-    """Keep what a component has sent under a name, as read for inputs with this digest, or why it is refused."""
+def _keep_sent(key: str, name: str, digest: str, read: Callable[[object], object]) -> None:
+    """Keep the value that a component sent under a name, as read for inputs with this digest, or why it is refused."""
     value = getattr(st.session_state[key], name)
     if value is None:
         return
@@ -301,11 +304,11 @@ def _keep_what_came(key: str, name: str, digest: str, read: Callable[[object], o
 
 
 def _kept(key: str, digest: str) -> Any:
-    """Return what is kept for these inputs, or None; show why what came last is refused."""
+    """Return the value kept for these inputs, or None; show why the last one sent was refused, if it was."""
     if refusal := st.session_state.pop(f"{key}.refusal", None):
         show_refused(refusal)
-    before, kept = st.session_state.get(f"{key}.kept", ("", None))
-    return kept if before == digest else None
+    kept_digest, kept = st.session_state.get(f"{key}.kept", ("", None))
+    return kept if kept_digest == digest else None
 
 
 def box_in(image: Image, *, digest: str, shared: bool, key: str) -> Box:
@@ -323,7 +326,7 @@ def box_in(image: Image, *, digest: str, shared: bool, key: str) -> Box:
         Key of the component.
     """
     box: Box = _kept(key, digest) or box_in_the_middle(image.shape)
-    make = partial(jpeg, fitted(image, SENT_WIDTH))
+    make = partial(jpeg, fitted(image, MAX_SENT_WIDTH))
     data = remembered("hand picture", make, inputs=digest, settings="", shared=shared)
     with st.container(gap=None):
         _send_picture(digest, data, key=f"{key}.picture")
@@ -333,10 +336,10 @@ def box_in(image: Image, *, digest: str, shared: bool, key: str) -> Box:
                 "name": digest,
                 "rows": image.shape[0],
                 "cols": image.shape[1],
-                "least": LEAST_SIDE,
+                "least": MIN_SIDE,
                 "box": asdict(box),
             },
-            on_box_change=partial(_keep_what_came, key, "box", digest, partial(read_box, image_shape=image.shape)),
+            on_box_change=partial(_keep_sent, key, "box", digest, partial(read_box, image_shape=image.shape)),
         )
     return box
 
@@ -344,31 +347,31 @@ def box_in(image: Image, *, digest: str, shared: bool, key: str) -> Box:
 def box_in_the_middle(shape: tuple[int, ...]) -> Box:
     """Return a box in the middle of an image, an eighth as wide and a sixth as high, or the minimum size if larger."""
     rows, cols = shape[:2]
-    height, width = max(min(LEAST_SIDE, rows), rows // 6), max(min(LEAST_SIDE, cols), cols // 8)
+    height, width = max(min(MIN_SIDE, rows), rows // 6), max(min(MIN_SIDE, cols), cols // 8)
     return Box((rows - height) // 2, (cols - width) // 2, height, width)
 
 
 def painted_mask(template: Image, mask: Image | None, *, digest: str, key: str) -> Upload[Image] | None:
-    """Offer to paint a mask on a template, and return it; None while the template's own is used.
+    """Offer to paint a mask on a template, and return it; None while the template's own mask is used.
 
-    It is above 0 where the template counts.
+    The mask is above 0 where the template counts.
 
     Parameters
     ----------
     template
         The template to paint on.
     mask
-        Its own mask; None to use its alpha channel.
+        The template's own mask; None to use its alpha channel.
     digest
-        Digest of both; a mask painted on another template is discarded.
+        Digest of template and mask; a mask painted on another template is discarded.
     key
         Key of the component.
     """
     shape = template.shape[0], template.shape[1]
     with st.expander("Paint a mask"):
         painted: Upload[Image] | None = _kept(key, digest)
-        if shape[0] * shape[1] > LARGEST_PIXELS:
-            prose.caption("This template is too large to paint on. You can add a mask among your own files.")
+        if shape[0] * shape[1] > MAX_PAINTED_PIXELS:
+            prose.caption("This template is too large to paint on. You can upload a mask with your own files.")
             return painted
         try:
             own = opaque_pixels(template, mask)
@@ -381,8 +384,8 @@ def painted_mask(template: Image, mask: Image | None, *, digest: str, key: str) 
 def _show_brush(template: Image, own: Image, used: Image, digest: str, key: str) -> None:
     def read(value: object) -> Upload[Image] | None:
         pixels = read_packed_mask(value, (own.shape[0], own.shape[1]))
-        as_before = np.array_equal(pixels > 0, own)
-        return None if as_before else Upload(hashlib.sha256(pixels.tobytes()).hexdigest(), pixels)
+        unchanged = np.array_equal(pixels > 0, own)
+        return None if unchanged else Upload(hashlib.sha256(pixels.tobytes()).hexdigest(), pixels)
 
     prose.caption("Paint over parts that should not count: background, shadow, anything that varies between places.")
     with st.container(gap=None):
@@ -396,5 +399,5 @@ def _show_brush(template: Image, own: Image, used: Image, digest: str, key: str)
                 "own": packed_mask(own),
                 "used": packed_mask(used),
             },
-            on_mask_change=partial(_keep_what_came, key, "mask", digest, read),
+            on_mask_change=partial(_keep_sent, key, "mask", digest, read),
         )

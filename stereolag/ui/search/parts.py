@@ -1,7 +1,7 @@
-"""The parts of the page that searches for a template: the answer, its places and files, panels, and other methods.
+"""The parts of the search page: the answer, its places and files, panels, and other methods.
 
-The panels are the interactive counterparts of Figs. 1.6, 1.9 and B.2 to B.4 of the report. They run in the browser, and
-nothing is sent back.
+The panels are the interactive counterparts of Figs. 1.6, 1.9 and B.2 to B.4 of the report. They run in the browser and
+send nothing back.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ from stereolag.ui import prose
 from stereolag.ui.components import component, packed_item, packed_score_map, packed_search
 from stereolag.ui.controls import adopt_value, control
 from stereolag.ui.downloads import File, file_of_image, take_away
-from stereolag.ui.elements import Number, announce, in_columns, show_line, show_picture
+from stereolag.ui.elements import Number, announce, in_columns, show_numbers, show_picture
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed, computed_in_turn, computed_or_refused, kept_for, remembered
-from stereolag.ui.search.inputs import LEAST_SIDE, PICTURES, PictureAndTemplate, read_box
+from stereolag.ui.search.inputs import MIN_SIDE, PICTURES, PictureAndTemplate, read_box
 from stereolag.ui.search.sentences import (
     FOLLOWING_WORDS,
     FUNNEL_WORDS,
@@ -64,12 +64,11 @@ from stereolag.ui.search.sentences import (
 from stereolag.ui.streams import Message, Stream, connected, frame, open_stream
 from stereolag.ui.uploads import OWN, forget_upload, hand_in_picture
 
-CLOSE_UPS = 3
+MAX_CLOSE_UPS = 3
+"""Number of places shown up close."""
 
-KEY = "template.take"
-
-BYTES_OF_A_PIXEL = 24
-"""Memory while the ZIP is made: the image in colour, framed, and both as files."""
+ZIP_BYTES_PER_PIXEL = 24
+"""Memory per pixel of the image while the ZIP is made: the image in colour, framed, and both as files."""
 
 
 def show_answer(result: TemplateSearch, query: TemplateQuery) -> None:
@@ -77,11 +76,14 @@ def show_answer(result: TemplateSearch, query: TemplateQuery) -> None:
     prose.header(headline(result), anchor=False)
     announce(f"{headline(result)}. Score {_score(result.best)}.")
     best, rival = result.best, result.rivals[0] if result.rivals else None
-    meaning = "Of the best place: 1 for an exact copy, whatever its brightness and contrast."
-    show_line(
+    show_numbers(
         (
-            Number("Score", _score(best), meaning),
-            Number("Best rival", _score(rival), "The best place elsewhere."),
+            Number(
+                "Score",
+                _score(best),
+                "Of the best place: 1 for an exact copy, whatever its brightness and contrast.",
+            ),
+            Number("Best rival", _score(rival), "The best score elsewhere."),
             Number("Places found", f"{result.clear}", "Places that show the template."),
             Number("Candidates scored", f"{result.candidates:,}", "Places at which the correlation was computed."),
             Number("Computed in", duration(result.elapsed_s), "Time of the computation alone, when first run."),
@@ -91,12 +93,12 @@ def show_answer(result: TemplateSearch, query: TemplateQuery) -> None:
         prose.warning(why_not_found(result, query), icon=":material/search_off:")
     elif remark := found_in_words(result):
         prose.info(remark, icon=":material/info:")
-    for said in filter(None, (nearest_in_words(result), left_out_in_words(result))):
-        prose.caption(said)
+    for sentence in filter(None, (nearest_in_words(result), left_out_in_words(result))):
+        prose.caption(sentence)
 
 
 def show_places(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
-    """Show the places framed in the image, and the best ones enlarged beside it."""
+    """Show the places framed in the image, with the best ones enlarged beside it."""
     whole, beside = st.columns([3, 1], gap="medium")
     with whole:
         places = result.matches[: result.clear]
@@ -112,7 +114,7 @@ def show_places(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
     with beside:
         if not result.found:
             show_picture(figures.what_counts(inputs.template, inputs.mask), "The template", "the template")
-        for match in (places or doubtful(result))[:CLOSE_UPS]:
+        for match in (places or doubtful(result))[:MAX_CLOSE_UPS]:
             close_up = partial(
                 figures.match_close_up,
                 inputs.picture,
@@ -124,9 +126,9 @@ def show_places(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
             show_picture(drawn, f"The image up close at {place(match)}", place(match))
 
 
-def drawn_once(what: str, draw: Callable[[], bytes], inputs: PictureAndTemplate, query: TemplateQuery) -> bytes:
-    """Return a drawing of a search, cached: the page reruns for other controls too."""
-    return remembered(what, draw, **kept_for(inputs, query.model_dump_json()))
+def drawn_once(name: str, draw: Callable[[], bytes], inputs: PictureAndTemplate, query: TemplateQuery) -> bytes:
+    """Return a drawing of a search, cached because the page also reruns for other controls."""
+    return remembered(name, draw, **kept_for(inputs, query.model_dump_json()))
 
 
 def _score(match: TemplateMatch | None) -> str:
@@ -134,7 +136,7 @@ def _score(match: TemplateMatch | None) -> str:
 
 
 def show_scores(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
-    """Show the map of scores, one for every position of the template."""
+    """Show the score map: one score for every position of the template."""
     score_map = result.score_map
     if score_map is None:
         prose.caption(why_no_score_map(query))
@@ -146,7 +148,7 @@ def show_scores(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
 
         def pack() -> bytes:
             drawn = figures.score_map_png(score_map, marked)
-            return packed_score_map(drawn, score_map, name=NAME, words=SCORE_MAP_WORDS)
+            return packed_score_map(drawn, score_map, name=PANEL_NAME, words=SCORE_MAP_WORDS)
 
         component("score_map")(key="template.score_map", data=drawn_once("score map", pack, inputs, query))
     legend.plotly_chart(
@@ -162,9 +164,9 @@ def show_scores(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
 
 def show_match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
     """Offer the files of a template search."""
-    memory = BYTES_OF_A_PIXEL * inputs.picture.shape[0] * inputs.picture.shape[1]
+    memory = ZIP_BYTES_PER_PIXEL * inputs.picture.shape[0] * inputs.picture.shape[1]
     files, command = match_files(inputs, result, query), find_command(query, *(one.name for one in _inputs(inputs)))
-    take_away(files, memory, command, "search again", own=inputs.own, by_hand=inputs.by_hand, key=KEY)
+    take_away(files, memory, command, "search again", own=inputs.own, by_hand=inputs.by_hand, key="template.take")
 
 
 def match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> list[File]:
@@ -183,7 +185,7 @@ def match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
             "Matches JSON",
             "matches.json",
             partial(matches_json, result, query),
-            "The matches, figures and settings, with the names of stereolag find --json.",
+            "The matches, figures and settings, under the same names as in stereolag find --json.",
         ),
         File(
             "Framed PNG",
@@ -204,7 +206,7 @@ def match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
 
 
 def _inputs(inputs: PictureAndTemplate) -> list[File]:
-    """Return the files of the image, the template and its mask, if any; they are in the ZIP alone."""
+    """Return the files of the image, the template and its mask, if any; they are only in the ZIP."""
     images = [("image", inputs.picture, "The image."), ("template", inputs.template, "The template.")]
     if inputs.mask is not None:
         images.append(("mask", inputs.mask, "The mask: above 0 where the template counts."))
@@ -213,14 +215,14 @@ def _inputs(inputs: PictureAndTemplate) -> list[File]:
 
 # Panels
 
-NAME = "template"
-"""Name of the search in the browser: a place clicked on the score map is sent to it."""
+PANEL_NAME = "template"
+"""Name of the search panel in the browser, to which places clicked on the score map are sent."""
 
 
 def drag_it(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
     """Show the picture, with the template to drag over it and the places found framed, and the score of every place.
 
-    The picture is reduced for the browser. The reduction is aligned so that the best place falls on a pixel.
+    The picture is reduced for the browser, aligned so that the best place falls on a pixel.
     """
     best = result.best
     framed = [("found", match) for match in result.matches[: result.clear]]
@@ -231,10 +233,10 @@ def drag_it(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQ
         search = reduced_search(inputs.picture, inputs.template, inputs.mask, near=near, score_map=result.score_map)
         places = []
         for kind, match in framed:
-            here = replace(match, row=match.row - search.row, col=match.col - search.col)
-            corners = figures.corners_of(here, 1 / search.factor, 1, inputs.template.shape)
+            in_part = replace(match, row=match.row - search.row, col=match.col - search.col)
+            corners = figures.corners_of(in_part, 1 / search.factor, 1, inputs.template.shape)
             places.append({"kind": kind, "corners": corners})
-        return packed_search(search, name=NAME, words=template_words(search), places=places)
+        return packed_search(search, name=PANEL_NAME, words=template_words(search), places=places)
 
     try:
         data = drawn_once("search by hand", pack, inputs, query)
@@ -247,14 +249,14 @@ def drag_it(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQ
 
 # Step by step
 
-FUNNEL_WIDTH: Final = 900
-"""Width of the picture behind the dots, px."""
+MAX_FUNNEL_WIDTH: Final = 900
+"""Width above which the picture behind the dots is reduced, px."""
 
 
 def show_funnel(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
     """Show the image pixels that remain after each step of the "sampled" search, for any anchor."""
     try:
-        shown = computed(
+        data = computed(
             "funnel",
             lambda _: _funnel_data(inputs),
             **kept_for(inputs),
@@ -263,29 +265,29 @@ def show_funnel(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
     except ValueError as error:
         prose.caption(f"“Sampled” cannot search here: {error}")
         return
-    component("funnel")(key="template.funnel", data=json.loads(shown))
+    component("funnel")(key="template.funnel", data=json.loads(data))
 
 
 def _funnel_data(inputs: PictureAndTemplate) -> bytes:
     """Return the data for the browser, as JSON."""
-    told = {
-        "picture": data_url(jpeg(fitted(inputs.picture, FUNNEL_WIDTH))),
+    data = {
+        "picture": data_url(jpeg(fitted(inputs.picture, MAX_FUNNEL_WIDTH))),
         "template": data_url(figures.what_counts(inputs.template, inputs.mask)),
         "rows": inputs.picture.shape[0],
         "cols": inputs.picture.shape[1],
         "height": inputs.template.shape[0],
         "width": inputs.template.shape[1],
-        "anchors": [_told(anchor) for anchor in anchors(inputs.picture, inputs.template, inputs.mask)],
+        "anchors": [_described(anchor) for anchor in anchors(inputs.picture, inputs.template, inputs.mask)],
         "frame": f"rgb{FRAME}",
         "words": FUNNEL_WORDS,
     }
-    return json.dumps(told).encode()
+    return json.dumps(data).encode()
 
 
-def _told(anchor: Anchor) -> dict[str, Any]:
-    """Return an anchor as data for the browser: at the last step one place is left, the best of all that are scored."""
-    *narrowed, scored = anchor.counts
-    return asdict(anchor) | {"counts": [*narrowed, 1 if anchor.best else narrowed[-1]], "scored": scored}
+def _described(anchor: Anchor) -> dict[str, Any]:
+    """Return an anchor as data for the browser; the last count is 1, the best of all scored places, if there is one."""
+    *counts, scored = anchor.counts
+    return asdict(anchor) | {"counts": [*counts, 1 if anchor.best else counts[-1]], "scored": scored}
 
 
 # Other methods, and a damaged image
@@ -318,7 +320,7 @@ def show_opencv_beside(inputs: PictureAndTemplate, result: TemplateSearch, query
         return
     prose.markdown(table(result, theirs, query.method, masked))
     same = " and with the same mask" if masked else ""
-    prose.caption(f"OpenCV’s is `cv2.matchTemplate` with `TM_CCOEFF_NORMED`, on the whole image{same}.")
+    prose.caption(f"OpenCV’s method is `cv2.matchTemplate` with `TM_CCOEFF_NORMED`, on the whole image{same}.")
     for sentence in differences(result, theirs, query.method):
         prose.caption(sentence)
 
@@ -327,7 +329,7 @@ def show_opencv_beside(inputs: PictureAndTemplate, result: TemplateSearch, query
 def damage_it(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
     """Offer sliders that damage the image around the template, and show the result of each method.
 
-    If the true place is unknown, the one found is taken.
+    If the true place is unknown, the found one is used.
     """
     min_score, place = query.min_score, _place(inputs, result)
     if place is None:
@@ -337,13 +339,13 @@ def damage_it(inputs: PictureAndTemplate, result: TemplateSearch, query: Templat
     rows, cols = part_shape(inputs.picture.shape, (height, width))[:2]
     prose.caption(
         f"The sliders change the {cols} × {rows} pixels around the template; only these are searched again, so there "
-        "are fewer look-alikes than in a larger image. Thin white: where it is. Bold: where a method found it, with "
-        "at least the minimum score."
+        "are fewer look-alikes than in a larger image. Thin white frame: where it is. Bold frame: where a method found "
+        "it, with at least the minimum score."
     )
     degradation = _ask_damage()
     attempts = computed_in_turn(
         "degraded search",
-        lambda _: _tried(inputs, place, degradation, min_score),
+        lambda _: _trials(inputs, place, degradation, min_score),
         _estimate_trials(inputs),
         **kept_for(inputs, f"{degradation.model_dump_json()} {place} {min_score}"),
         label="Searching the damaged image …",
@@ -362,7 +364,7 @@ def _place(inputs: PictureAndTemplate, result: TemplateSearch) -> tuple[int, int
     if inputs.place is not None or not result.found or is_cut_off(result):
         return inputs.place
     best, (height, width) = result.matches[0], inputs.template.shape[:2]
-    # If it was found at another size, keep its centre.
+    # If it was found at another size, keep the centre.
     row, col = best.row + (best.height - height) // 2, best.col + (best.width - width) // 2
     rows, cols = inputs.picture.shape[:2]
     return min(max(row, 0), rows - height), min(max(col, 0), cols - width)
@@ -388,15 +390,15 @@ def _ask_damage() -> Degradation:
     return degradation
 
 
-def _tried(
+def _trials(
     inputs: PictureAndTemplate, place: tuple[int, int], degradation: Degradation, min_score: float
 ) -> list[tuple[Trial, bytes]]:
     """Return the outcome of each method on the damaged image, and a JPEG of it."""
     shape = inputs.template.shape[0], inputs.template.shape[1]
     part = degraded_part(inputs.picture, place, shape, degradation)
-    here = part.row, part.col
-    trials = try_methods(part.pixels, inputs.template, here, mask=inputs.mask, min_score=min_score)
-    return [(trial, figures.trial_jpeg(part.pixels, trial, here, shape)) for trial in trials]
+    place_in_part = part.row, part.col
+    trials = try_methods(part.pixels, inputs.template, place_in_part, mask=inputs.mask, min_score=min_score)
+    return [(trial, figures.trial_jpeg(part.pixels, trial, place_in_part, shape)) for trial in trials]
 
 
 def _estimate_trials(inputs: PictureAndTemplate) -> Estimate:
@@ -411,35 +413,41 @@ def _estimate_trials(inputs: PictureAndTemplate) -> Estimate:
 
 FOLLOWING: Final = "template.following"
 
-RESIZED, TURNED = 0.015, 2.0
-"""Change of size and angle, degrees, from which a template is not found as it was cut."""
+MIN_SCALE_CHANGE = 0.015
+"""Change of size from which a frozen template is searched for at other sizes."""
 
-SIZES, ANGLES = 0.05, 5.0
-"""Steps of the sizes and angles asked for."""
+MIN_ROTATION_DEG = 2.0
+"""Angle from which a frozen template is searched for at other angles, degrees."""
+
+SCALE_STEP = 0.05
+"""The limits of the sizes to search are multiples of this."""
+
+ROTATION_STEP_DEG = 5.0
+"""The limit of the angles to search is a multiple of this, degrees."""
 
 
 class Frame(Message):
-    """A picture, and the box to be followed from it on, if there is a new one."""
+    """A picture, and the box to follow from there on, if there is a new one."""
 
     parts: tuple[bytes]
     box: dict[str, int] | None = None
 
 
 def show_following(query: TemplateQuery) -> None:
-    """Show the camera; the settings act on its next frame. Begin with the page's files once a frame was frozen."""
+    """Show the camera, whose next frame uses these settings; once a frame is frozen, rerun the page with it."""
     if st.session_state.pop(f"{FOLLOWING}.frozen", False):
         st.rerun()
     stream = open_stream("search", Frame)
     stream.answer = partial(answer, stream.kept, query)
     component("following")(
         key=FOLLOWING,
-        data={**connected(stream, {}), "told": FOLLOWING_WORDS, "least": LEAST_SIDE},
+        data={**connected(stream, {}), "told": FOLLOWING_WORDS, "least": MIN_SIDE},
         on_frozen_change=partial(_freeze, stream),
     )
 
 
 def answer(kept: dict[str, Any], query: TemplateQuery, message: Frame) -> bytes:
-    """Return where the template is in a frame: that of the box drawn on this frame, or of the last one before."""
+    """Return the place of the template in a frame; it is cut from this frame if a box comes with it."""
     picture = frame(message.parts[0])
     if message.box is not None:
         box = read_box(message.box, picture.shape)
@@ -462,19 +470,22 @@ def answer(kept: dict[str, Any], query: TemplateQuery, message: Frame) -> bytes:
 
 
 def _freeze(stream: Stream) -> None:
-    """Make the last frame and the template the files of the page, to be searched at the size and angle it has there."""
+    """Make the last frame and the template the files of the page, and set the search to their size and angle."""
     kept = stream.kept
     if "picture" not in kept:
         return
-    hand_in_picture(kept["picture"], "The frame that you froze is in use.", key=f"{PICTURES}.picture")
-    cut = "What you cut from the camera’s picture is in use."
-    hand_in_picture(png(kept["template"]), cut, key=f"{PICTURES}.template")
+    hand_in_picture(kept["picture"], "The frame you froze is in use.", key=f"{PICTURES}.picture")
+    hand_in_picture(
+        png(kept["template"]), "Your cut-out from the camera’s picture is in use.", key=f"{PICTURES}.template"
+    )
     forget_upload(f"{PICTURES}.mask")
     place: Pose | None = kept["place"]
-    if place is not None and abs(place.scale - 1) > RESIZED:
-        low, high = math.floor(place.scale / SIZES) * SIZES, math.ceil(place.scale / SIZES) * SIZES
+    if place is not None and abs(place.scale - 1) > MIN_SCALE_CHANGE:
+        low, high = math.floor(place.scale / SCALE_STEP) * SCALE_STEP, math.ceil(place.scale / SCALE_STEP) * SCALE_STEP
         adopt_value("template.min_scale", round(max(MIN_SIZE, min(1.0, low)), 2))
         adopt_value("template.max_scale", round(min(MAX_SIZE, max(1.0, high)), 2))
-    if place is not None and abs(place.rotation) > TURNED:
-        adopt_value("template.max_rotation", min(180.0, math.ceil(abs(place.rotation) / ANGLES) * ANGLES))
+    if place is not None and abs(place.rotation) > MIN_ROTATION_DEG:
+        adopt_value(
+            "template.max_rotation", min(180.0, math.ceil(abs(place.rotation) / ROTATION_STEP_DEG) * ROTATION_STEP_DEG)
+        )
     st.session_state.update({PICTURES: OWN, f"{PICTURES}.from": "given", f"{FOLLOWING}.frozen": True})

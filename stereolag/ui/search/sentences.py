@@ -1,4 +1,4 @@
-"""Sentences of the search page: the answer, damage, OpenCV beside ours, alternatives of images, and the panels."""
+"""Sentences of the search page: the answer, the damaged image, the comparison with OpenCV, and the panels."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from stereolag.templates.following import Followed
 from stereolag.templates.trials import Degradation, OpenCVSearch, Trial
 from stereolag.ui.sentences import TEMPLATE_METHODS
 
-RESEMBLES = 0.7
-"""Least score of a place told as a look-alike."""
+MIN_LOOK_ALIKE_SCORE = 0.7
+"""Smallest score of a place reported as a look-alike."""
 
-SAME_SCORE: Final = 1e-4
-"""Scores of the two implementations that differ by less are equal up to rounding."""
+SCORE_TOLERANCE: Final = 1e-4
+"""Difference of two implementations' scores up to which they count as equal."""
 
 OUTCOMES: Final = {
     "right": "found",
@@ -32,7 +32,7 @@ OUTCOMES: Final = {
 
 
 def found_by_parts(result: TemplateSearch) -> bool:
-    """Return whether the score of the best place found is of its parts that agree, and not that of the score map."""
+    """Return whether the score of the best place found counts only its matching parts, unlike that of the score map."""
     if not result.found or result.score_map is None:
         return False
     best = result.matches[0]
@@ -40,28 +40,28 @@ def found_by_parts(result: TemplateSearch) -> bool:
 
 
 def found_in_words(result: TemplateSearch) -> str:
-    """Return what the best place found shows if it is not simply the template, as sentences; empty otherwise."""
+    """Return how the best place found differs from the template, as sentences; empty if it does not."""
     remark = remark_on(result.matches[0])
-    return f"{remark} The score is of those alone." if found_by_parts(result) else remark
+    return f"{remark} The score counts only the others." if found_by_parts(result) else remark
 
 
 def why_not_found(result: TemplateSearch, query: TemplateQuery) -> str:
     """Return why the best place is not good enough, and advice on settings to try."""
     sampled = query.method == "sampled"
-    if result.best is None and not sampled:
-        return "No place has anything to correlate."
     if result.best is None:
         return (
             "No place in the image has exactly these pixels. “FFT” also finds a template that was dimmed, recoloured "
             "or recompressed."
+            if sampled
+            else "There is nothing to correlate anywhere in the image."
         )
     score, count = f"The best place scores {result.best.score:.3f}", len(result.look_alikes)
     if count and result.best.score - result.look_alikes[-1].score < EQUAL:
-        return f"{score}, and so do the others. With {count} matches wanted, all of them are found."
+        return f"{score}, and so do the others. Ask for {count} matches to find all of them."
     if count:
         return f"{score}, the next {result.look_alikes[1].score:.3f}: no clear lead. {_absent(query)}"
     if result.reason == "mirrored":
-        return f"{score}, and with left and right exchanged all of it agrees. Mirror the template to find it."
+        return f"{score}; mirrored left to right, all of it agrees. Mirror the template to find it."
     if result.reason != "low_score":
         outlined = " They are outlined in the picture." if result.reason == "differs" else ""
         return f"{score}. {remark_on(result.best)}{outlined}"
@@ -70,8 +70,8 @@ def why_not_found(result: TemplateSearch, query: TemplateQuery) -> str:
 
 
 def nearest_in_words(result: TemplateSearch) -> str:
-    """Return the place that resembles the template most without being one of those found, as a sentence."""
-    if not result.found or not result.rivals or result.rivals[0].score < RESEMBLES:
+    """Return a sentence about the place most similar to the template among those not found; empty if none is."""
+    if not result.found or not result.rivals or result.rivals[0].score < MIN_LOOK_ALIKE_SCORE:
         return ""
     rival = result.rivals[0]
     return f"The nearest look-alike is at {place(rival)}. {remark_on(rival)}".strip()
@@ -86,8 +86,8 @@ def _absent(query: TemplateQuery) -> str:
 def why_no_score_map(query: TemplateQuery) -> str:
     """Return why a search has no score map."""
     if query.resized:
-        return "With other sizes and angles a place has many scores: there is no score map to show."
-    return "“Sampled” scores a few places only: there is no score map to show."
+        return "With other sizes and angles each place has many scores: there is no score map to show."
+    return "“Sampled” scores only a few places: there is no score map to show."
 
 
 def numbers_of(trial: Trial) -> str:
@@ -102,7 +102,7 @@ def numbers_of(trial: Trial) -> str:
 
 PATTERNS_ALONE: Final = (
     "Sampled looks for exact pixel values, and no rare one is left. FFT and OpenCV compare whole patterns: a uniform "
-    "change of contrast or brightness costs them nothing while no value is clipped; other damage lowers the score."
+    "change of contrast or brightness costs nothing as long as no value is clipped; other damage lowers the score."
 )
 
 FOUND_BY_FFT: Final = {
@@ -111,13 +111,13 @@ FOUND_BY_FFT: Final = {
     "elsewhere": PATTERNS_ALONE,
     "missed": PATTERNS_ALONE,
 }
-"""What is learnt where FFT finds the template, by the outcome of Sampled."""
+"""Lesson when FFT finds the template, by the outcome of Sampled."""
 
 
 def lesson(trials: Sequence[Trial], degradation: Degradation, min_score: float) -> str:
     """Return a sentence or two on why the methods succeeded or failed."""
-    of = {trial.method: trial for trial in trials}
-    fft, sampled = of["fft"], of["sampled"]
+    by_method = {trial.method: trial for trial in trials}
+    fft, sampled = by_method["fft"], by_method["sampled"]
     warped = degradation.turn != 0 or degradation.resize != 1
     if fft.outcome == "refused":
         return fft.refusal
@@ -125,7 +125,7 @@ def lesson(trials: Sequence[Trial], degradation: Degradation, min_score: float) 
         return "Nothing is damaged yet. Move a slider until a method loses it."
     if fft.outcome == "right":
         return FOUND_BY_FFT[sampled.outcome]
-    said = (
+    reason = (
         "Another place fits better than the damaged one."
         if fft.outcome == "elsewhere"
         else f"The best score, {fft.score:.3f}, is below the minimum score of {min_score:.2f}."
@@ -133,8 +133,8 @@ def lesson(trials: Sequence[Trial], degradation: Degradation, min_score: float) 
         else "Nothing is left to correlate."
     )
     if warped:
-        said += " The template is compared as it is: a turned or resized copy no longer lines up with it."
-    return said
+        reason += " The template is compared as it is: a turned or resized copy no longer lines up with it."
+    return reason
 
 
 def table(ours: TemplateSearch, theirs: OpenCVSearch, method: str, masked: bool) -> str:
@@ -157,7 +157,7 @@ def differences(ours: TemplateSearch, theirs: OpenCVSearch, method: str) -> list
     """Return one sentence for each difference and its cause, or that the results agree."""
     undefined = (
         f"In {theirs.undefined:,} places nothing varies under the template: 0/0. OpenCV’s score there is NaN or "
-        "infinite, and `cv2.minMaxLoc` then names no place at all; they are skipped here."
+        "infinite, and `cv2.minMaxLoc` then returns no place at all; these places are skipped here."
     )
     places = _about_places(ours, theirs, method) if theirs.row >= 0 else ""
     return [*filter(None, (undefined if theirs.undefined else "", places))]
@@ -172,8 +172,8 @@ def _about_places(ours: TemplateSearch, theirs: OpenCVSearch, method: str) -> st
     best = ours.matches[0]
     apart = abs(best.score - theirs.score)
     if (best.row, best.col) == (theirs.row, theirs.col):
-        if apart <= SAME_SCORE:
-            return f"The same place; the scores differ by less than {SAME_SCORE:.4f}."
+        if apart <= SCORE_TOLERANCE:
+            return f"The same place; the scores differ by less than {SCORE_TOLERANCE:.4f}."
         return f"The same place; the scores differ by {apart:.2g}: OpenCV sums in single precision."
     if ours.score_map is None:
         if method == "sampled":
@@ -185,7 +185,7 @@ def _about_places(ours: TemplateSearch, theirs: OpenCVSearch, method: str) -> st
             f"At OpenCV’s place the image is flat: there is nothing to correlate, and its score of {theirs.score:.3f} "
             "is a rounding error divided by another. Ours gives such places no score."
         )
-    if abs(here - best.score) <= SAME_SCORE:
+    if abs(here - best.score) <= SCORE_TOLERANCE:
         return "Both places score the same: there are several copies."
     return f"Ours scores {here:.3f} at OpenCV’s place: OpenCV sums in single precision, too coarse for these values."
 
@@ -202,7 +202,7 @@ SCORE_MAP_WORDS: Final = {
 
 def template_words(search: ReducedSearch) -> dict[str, Any]:
     """Return all texts and colours of the panel; `texts` maps CSS selectors to their text."""
-    told = [
+    lesson = [
         f" The best rival reaches {score:.3f}."
         if at
         else f"The peak is at row {search.row + row * search.factor}, column {search.col + col * search.factor}: "
@@ -213,9 +213,9 @@ def template_words(search: ReducedSearch) -> dict[str, Any]:
         "frame": f"rgb{FRAME}",
         "stage": "The image with the template over it. Arrow keys move the template, with Shift by ten.",
         "texts": {
-            ".try": "Drag the template over the image. Everywhere its pixels are multiplied with those under it: warm "
-            "where they agree, cool where not. Their mean, the score, stays behind, dark at 0, yellow at 1. Where it "
-            "peaks, there it is.",
+            ".try": "Drag the template over the image. At every place its pixels are multiplied by those under it: "
+            "warm where they agree, cool where they do not. The mean of the products, the score, is left behind: dark "
+            "at 0, yellow at 1. The template is where it peaks.",
             ".template figcaption": "Template",
             ".window figcaption": "Window",
             ".products figcaption": "Products",
@@ -226,7 +226,7 @@ def template_words(search: ReducedSearch) -> dict[str, Any]:
             f"subtracted before multiplying; transparent pixels do not count. {scale_of(search)}",
         },
         "where": "Row {row}, column {col}: {score}",
-        "lesson": typeset("".join(told)) or "The image is flat: there is nothing to correlate.",
+        "lesson": typeset("".join(lesson)) or "The image is flat: there is nothing to correlate.",
         "top": "Peak",
         "rival": "Rival",
         "go": "Compare this place",
@@ -235,9 +235,9 @@ def template_words(search: ReducedSearch) -> dict[str, Any]:
 
 def scale_of(search: ReducedSearch) -> str:
     """Return how the picture was reduced, in a sentence."""
-    part = "Only a part of the image. " if search.part else ""
+    part = "Only part of the image. " if search.part else ""
     if search.factor == 1:
-        return f"{part}Every pixel counts."
+        return f"{part}Shown at full resolution."
     scores = "; scores are those of the whole image" if search.at_full_size else ""
     return f"{part}Reduced for the browser: each pixel is the mean of {search.factor} × {search.factor}{scores}."
 
@@ -248,7 +248,7 @@ FUNNEL_WORDS: Final[dict[str, Any]] = {
         "its exact colour. Go through the steps, then pick another pixel: the rarer its colour, the fewer places are "
         "left.",
         ".anchor figcaption": "Anchor and the ends of its run",
-        ".colours .name": "How often the image holds colours of the template (logarithmic)",
+        ".colours .name": "How often the template’s colours occur in the image (logarithmic)",
     },
     "steps": ["All pixels", "This colour", "Both ends agree", "Best"],
     "steps_label": "Steps",
@@ -256,14 +256,14 @@ FUNNEL_WORDS: Final[dict[str, Any]] = {
         "Every pixel of the image could be the anchor.",
         "Pixels of exactly this colour, where the template has room around them.",
         "There, both ends of the anchor’s opaque run have the right colours too.",
-        "These and the places within one pixel are scored, {scored} in all.",
+        "These and all places within one pixel of them are scored: {scored} places.",
     ],
     "best": " Best: row {row}, column {col}, score {score}.",
     "none": " None is left: no place has exactly these colours.",
-    "many": " Too many: only their count is shown; a rarer colour leaves fewer.",
+    "many": " Too many to draw; a rarer colour leaves fewer.",
     "some": " {shown} of them are drawn.",
     "picture": "The image with the pixels that are left at this step.",
-    "colours": "Pixel of the template, the rarest colour first. Arrow keys pick another.",
+    "colours": "Pixel of the template, rarest colour first. Arrow keys pick another.",
     "colour": "Row {row}, column {col} of the template: {count} pixels of its colour",
     "hint": "Click on a bar or on the template to pick another pixel; arrow keys work too.",
     "nothing": "Every colour of this template is too common in the image.",
@@ -275,9 +275,9 @@ FUNNEL_WORDS: Final[dict[str, Any]] = {
 
 METHODS_FOLLOWING: Final = {
     "fft": "Scores every place around the last one, and in the whole picture when it is lost.",
-    "sampled": "The report’s Appendix B looks for exact pixels. No camera gives the same ones twice, so this finds "
-    "nothing after a frame.",
-    "direct": "The same scores as FFT. A frame would take it seconds, so the camera takes FFT.",
+    "sampled": "The report’s Appendix B looks for exact pixels. No camera gives the same pixels twice, so this finds "
+    "nothing after the first frame.",
+    "direct": "The same scores as FFT, but seconds per frame: the camera uses FFT instead.",
 }
 
 
@@ -290,19 +290,19 @@ FOLLOWING_WORDS: Final[dict[str, Any]] = {
     "follow": "Follow the box",
     "again": "New box",
     "freeze": "Freeze",
-    "freeze_help": "Go on with this frame and what you cut, as with files of your own",
+    "freeze_help": "Continue with this frame and your cut-out as your own files",
     "camera": "Camera",
     "states": {
         "found": ["Found", "All of it is there."],
         "partly_seen": ["Partly seen", "The rest is covered, outside the picture or in a reflection."],
-        "look_alikes": ["Look-alikes", "Several places show it. Only its path tells which."],
-        "lost": ["Lost", "It is looked for in the whole picture."],
+        "look_alikes": ["Look-alikes", "Several places look like it. Only its path tells which one it is."],
+        "lost": ["Lost", "The whole picture is being searched for it."],
     },
 }
 
 
 def followed_in_words(followed: Followed) -> str:
-    """Return the score of what is followed, and its place, size and angle if it was found."""
+    """Return the score of the followed template, and its place, size and angle if it was found."""
     place, score = followed.place, "–" if followed.score is None else f"{followed.score:.2f}"
     where = place and (
         f", row {place.row:,.0f}, column {place.col:,.0f}, size {100 * place.scale:.0f} %, "

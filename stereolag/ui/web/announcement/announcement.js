@@ -1,4 +1,4 @@
-// The page's single live region. It stays outside the re-rendered content because a new region is not read aloud.
+// The page's only live region. It stays outside the re-rendered content because a new region is not read aloud.
 
 import { keepFocus } from "../shared/focus.js";
 

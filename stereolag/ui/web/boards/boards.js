@@ -1,12 +1,12 @@
-// Takes pictures of a board with a stereo camera for a calibration: the server says which of the frames it wants in full
-// size, and how to hold the board next.
+// Takes pictures of a board with a stereo camera for a calibration: the server says which frames it wants in full size,
+// and how to hold the board next.
 
 import { cut } from "../shared/dom.js";
 import { jpeg } from "../shared/live.js";
 import { jpegs, StereoPanel } from "../shared/stereo_panel.js";
 
-const PREVIEW = 640; // px of a view
-const FLASH_MS = 250; // of the frame's edge, when a pair is taken
+const PREVIEW = 640; // width of a view, px
+const FLASH_MS = 250; // of the frame's edge when a pair is taken
 
 export default class Boards extends StereoPanel {
   wanted = null; // the views of a frame that the server wants in full size

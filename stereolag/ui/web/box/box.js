@@ -1,4 +1,4 @@
-// A box over a picture. It is sent on release, or once no key has been pressed for a moment.
+// A box over a picture. It is sent when it is released, or once no key has been pressed for a moment.
 
 import { DrawingPanel } from "../shared/drawing.js";
 import { clamp } from "../shared/numbers.js";
@@ -15,11 +15,11 @@ export default class BoxPanel extends DrawingPanel {
   begin(data) {
     super.begin(data);
     const told = JSON.stringify(data.box);
-    if (told !== this.sent) this.box = { ...data.box }; // its own comes back: one that is being dragged stays
+    if (told !== this.sent) this.box = { ...data.box }; // its own box coming back must not disturb a drag
     this.sent = told;
   }
 
-  // Moves or resizes the box, as far as the picture and the least side allow.
+  // Moves or resizes the box, as far as the picture and the smallest side allow.
   fit({ row, col, height, width }) {
     const { rows, cols, least } = this.data;
     this.box.height = clamp(Math.round(height), Math.min(least, rows), rows);
@@ -40,7 +40,7 @@ export default class BoxPanel extends DrawingPanel {
     this.fit({ row, col, height, width });
   }
 
-  // Moves the box, a corner against the opposite one, or without one spans a new box from where the pointer went down.
+  // Moves the box or one of its corners, or outside it spans a new box from where the pointer went down.
   grab(event) {
     const { corner } = event.target.dataset;
     const inside = event.target === this.find(".box");

@@ -6,14 +6,14 @@ import { base64 } from "../shared/packing.js";
 import { arrows } from "../shared/panel.js";
 
 const INK = [255, 0, 160];
-const DOT = 0.001; // px: by the standard, a line of zero length would have no caps
+const DOT = 0.001; // px: a line of zero length would have no caps
 
 export default class BrushPanel extends DrawingPanel {
   canvas = Object.assign(document.createElement("canvas"), { ariaHidden: "true" });
   context = this.canvas.getContext("2d", { willReadFrequently: true });
   at; // the row and column of the brush
   mode = "Paint";
-  shown = false; // whether the brush is
+  shown = false; // whether the brush is shown
 
   begin(data) {
     super.begin(data);
@@ -61,7 +61,7 @@ export default class BrushPanel extends DrawingPanel {
     return { move, end: () => this.count() };
   }
 
-  // Paints from a place to the brush, both put on the grid of pixels: between four, a brush of 1 px covers none by half.
+  // Paints from a place to the brush, both snapped to the grid: between four pixels, a brush of 1 px covers half of none.
   stroke(from) {
     const { context, size } = this;
     const along = (place) => (size % 2 ? Math.floor(place) + 0.5 : Math.round(place));
@@ -90,7 +90,7 @@ export default class BrushPanel extends DrawingPanel {
 
 // A mask as text: one bit per pixel, row by row, 1 where the template counts; base64.
 
-// Packs values that are above 0 where painted over.
+// Packs a mask from values that are above 0 where painted over.
 export function packed(painted) {
   const bytes = new Uint8Array(Math.ceil(painted.length / 8));
   painted.forEach((value, at) => value || (bytes[at >> 3] |= 0x80 >> (at & 7)));

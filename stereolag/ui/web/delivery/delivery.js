@@ -1,4 +1,4 @@
-// Hands a packed item to whichever component of the page needs it, with a way to answer: Streamlit sends each delivery
+// Passes a packed item to the component of the page that needs it, with a way to answer. Streamlit sends each delivery
 // only if it has changed.
 
 import { hold, release } from "../shared/exchange.js";

@@ -4,7 +4,7 @@ import { axis, plotted, stacked } from "../shared/dom.js";
 import { clamp, shortened } from "../shared/numbers.js";
 import { ExamplesPanel } from "../shared/visiting.js";
 
-const EVERY_MS = 80; // while a slider is dragged
+const EVERY_MS = 80; // between requests while a slider is dragged
 
 // Four strips: both recordings lined up, the curve with its chance band, its peak up close, and the agreement.
 
@@ -19,7 +19,7 @@ export default class DisturbancesPanel extends ExamplesPanel {
     this.atEnd(() => clearTimeout(this.sending));
   }
 
-  // Begins with the first example, and then shows one answer after the other.
+  // Starts with the first example, then shows one answer after the other.
   begin(data) {
     if (this.settings) return;
     this.asked = JSON.stringify(data.settings);
@@ -38,7 +38,7 @@ export default class DisturbancesPanel extends ExamplesPanel {
     this.schedule();
   }
 
-  // Sends the settings as they are now, however many changes there were since the last time.
+  // Sends the current settings, however many changes there were since the last time.
   ask() {
     this.sending = undefined;
     const asked = JSON.stringify(this.settings);

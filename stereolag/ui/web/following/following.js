@@ -1,19 +1,19 @@
-// A box cut from the running picture of a camera, followed by the server; every frame is shown with its own answer.
+// A box cut from a live camera picture, followed by the server; every frame is shown with its own answer.
 
 import { cut, gapped, placeIn } from "../shared/dom.js";
 import { jpeg, LivePanel } from "../shared/live.js";
 import { clamp } from "../shared/numbers.js";
 import { arrows } from "../shared/panel.js";
 
-const LARGEST = 1280; // px, of the longer side of a frame
-const PATH = 150; // last places drawn
+const LARGEST = 1280; // longer side of a frame, px
+const PATH = 150; // number of last places drawn
 
 export default class FollowingPanel extends LivePanel {
-  box = null; // that is being chosen, px of the frame; none while one is followed
-  held = false; // whether the picture stands still while a box is drawn on it
+  box = null; // the box being drawn, px of the frame; null while one is followed
+  held = false; // whether the picture is frozen while a box is drawn on it
   wanted = null; // the box to be cut, with the frame on which it was drawn
-  cutting = false; // whether it is on its way
-  still = null; // the frame that is shown
+  cutting = false; // whether that has been sent
+  still = null; // the frame shown
   item = null; // its answer
   path = [];
 
@@ -28,7 +28,7 @@ export default class FollowingPanel extends LivePanel {
     this.box = null;
   }
 
-  // What was followed is forgotten, and another box may be drawn.
+  // Forgets what was followed, so that another box can be drawn.
   anew() {
     if (!this.still) return;
     const { width, height } = this.still;
@@ -113,7 +113,7 @@ export default class FollowingPanel extends LivePanel {
     };
   }
 
-  // Shows a box of this size around a middle, as far as the picture and the least side allow.
+  // Shows a box of this size around a centre, as far as the picture and the smallest side allow.
   fit(size, [row, col]) {
     const { width: cols, height: rows } = this.still;
     const [height, width] = [[size.height, rows], [size.width, cols]].map(([side, end]) => clamp(Math.round(side), this.data.least, end));

@@ -19,7 +19,7 @@ export default class FunnelPanel extends Panel {
     this.pick(Math.floor(shareOf(event, event.currentTarget)[0] * this.sorted.length));
   }
 
-  // Picks the nearest of the pixels that can be picked.
+  // Picks the nearest pixel that can be picked.
   pickPixel(event) {
     const { height: rows, width: cols } = this.data;
     const [row, col] = placeIn(event, event.currentTarget, { rows, cols });

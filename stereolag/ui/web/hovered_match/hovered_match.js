@@ -9,7 +9,7 @@ import { explained } from "./scoring.js";
 
 export default class HoveredMatchPanel extends Panel {
   pointed = null; // the pixel under the pointer
-  seen = null; // the match of that pixel, or of the one of the settings
+  seen = null; // the match of that pixel, or of the pixel in the settings
   found = []; // its places
   where = "";
   layout = { width: 0, height: 0, frames: [] }; // the layout of the strip and of the curve
@@ -60,7 +60,7 @@ export default class HoveredMatchPanel extends Panel {
     if (this.pointed) this.mark(this.frames());
   }
 
-  // The places found, the most important first, in words.
+  // The places found in words, the most important first.
   told() {
     const { words, score: kind } = this.data;
     return [...this.found].reverse().map(({ name, colour, dy, dx, score }) => {
@@ -94,7 +94,7 @@ export default class HoveredMatchPanel extends Panel {
   }
 }
 
-// Both images of a pair in grey and its ground truth, for the panel that follows the pointer.
+// Both images of a pair in grey, and its ground truth.
 
 const TRUTH_SCALE = 64;
 const TRUTH_ZERO = 512;

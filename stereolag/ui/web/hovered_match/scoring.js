@@ -38,7 +38,7 @@ export function explained(pair, settings, row, col) {
   return seen;
 }
 
-// The highest score on another hill than the peak's, with the valley between, and the highest on the flank of the peak.
+// The highest score on another hill than the peak's, the valley between them, and the highest on the flank of the peak.
 function findRunnerUp(seen, grid, circular) {
   const { scores, peak, rows, cols, asGood } = seen;
   const heights = passes(scores, rows, cols, grid.indexOf(peak), circular);
@@ -92,7 +92,7 @@ function scored(score, product, window, total, square, size) {
   return Math.fround(clamp(shared / Math.sqrt(own * energy), -1, 1));
 }
 
-// The lag of the highest score; of equal ones, the shortest.
+// The lag of the highest score; if several are equal, the shortest.
 function highest(scores, grid) {
   let best = null;
   scores.forEach((score, at) => {

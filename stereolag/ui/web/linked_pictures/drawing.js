@@ -7,14 +7,14 @@ import { clamp, shortened } from "../shared/numbers.js";
 
 const LOADING_MS = 10_000;
 
-// A picture with its content, and a text that tells whether a surface shows it already.
+// A picture with its content, and a key that tells whether an element shows it already.
 export function picture(described, { image, readings }, colours) {
   const read = readings.map((reading, index) => ({ ...reading, depth: described.depths[index] }));
   const seen = image ? described.digest : [described.digest, colours.low, colours.high, colours.palette].join();
   return { ...described, image, readings: read, colours, seen };
 }
 
-// What shows a picture. A map is to be painted on its canvas.
+// The element that shows a picture; a map is yet to be painted on its canvas.
 export function surface(one) {
   const label = one.alternative ? `${one.title}: ${one.alternative}` : one.title;
   return one.image
@@ -22,7 +22,7 @@ export function surface(one) {
     : html`<canvas role="img" aria-label=${label} .shows=${one}></canvas>`;
 }
 
-// An element that has just been given the picture may still be loading it.
+// An element that was just given the picture may still be loading it.
 export function forget({ image }) {
   if (image) setTimeout(() => URL.revokeObjectURL(image.src), LOADING_MS);
 }
@@ -46,12 +46,12 @@ function numbers(value, { label, unit, digits, depth }) {
   return texts;
 }
 
-// As many decimals as the error leaves certain, and one more.
+// A number with the decimals that the error leaves certain, and one more.
 function metric(metres, error, unit = "") {
   return shortened(metres, clamp(1 - Math.floor(Math.log10(error)), 0, 4), unit);
 }
 
-// How a mark is drawn: a point, a frame, or a line to another point; `pixel` is the size of a pixel of the screen.
+// A mark as SVG: a point, a frame, or a line to another point; `pixel` is the size of a screen pixel.
 export function shapeOf({ row, col, height, width, to, dashed, ...mark }, pixel) {
   const [x, y] = height ? [col, row] : [col + 0.5, row + 0.5];
   const end = to ? `L${to[1] + 0.5} ${to[0] + 0.5}` : "h0";
@@ -72,7 +72,7 @@ export function shapeOf({ row, col, height, width, to, dashed, ...mark }, pixel)
 const NOTHING = -32768;
 const LONG = 128;
 
-// The reverse of stereolag.ui.linked_pictures.packed. Everything but photographs is unpacked synchronously: an
+// The inverse of stereolag.ui.linked_pictures.packed. Everything but photographs is unpacked synchronously: an
 // awaited result would come only after all other work that a change causes on the page.
 export function contentOf({ parts, image, type, readings }) {
   const pixels = image === null ? null : pictured(parts[image], type);

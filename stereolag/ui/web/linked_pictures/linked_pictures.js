@@ -25,9 +25,9 @@ export default class LinkedPictures extends Panel {
   enlarged = new Set();
   contents = new Map();
   pictures = [];
-  shown = []; // the pictures, or what is shown in place of them
+  shown = []; // the pictures, or those shown in their place
   width = 0; // px of a picture on the screen
-  pointers = new Map(); // that are down, by number
+  pointers = new Map(); // those that are down, by number
 
   constructor(parent) {
     super(parent);
@@ -87,8 +87,8 @@ export default class LinkedPictures extends Panel {
     this.draw();
   }
 
-  // Shows a map in place of that with its title until that is renewed, and its figures if it has any; without parts, that
-  // one again.
+  // Shows a map in place of the picture with its title until that is renewed, and its figures if it has any; without
+  // parts, shows the picture again.
   preview(item) {
     const index = this.pictures.findIndex((one) => one.title === item.title);
     const one = this.pictures[index];
@@ -101,7 +101,7 @@ export default class LinkedPictures extends Panel {
     this.draw();
   }
 
-  // The pictures shown large, each alone or two over each other.
+  // The pictures shown large, each alone or two on top of each other.
   get cells() {
     if (this.mode === "grid") return this.shown.filter((one) => this.isLarge(one)).map((one) => [one]);
     return [this.pair.map((title) => this.shown.find((one) => one.title === title))];
@@ -111,7 +111,7 @@ export default class LinkedPictures extends Panel {
     return !one.thumbnail || this.enlarged.has(one.title);
   }
 
-  // Adds a small picture to the large ones, or removes it from them.
+  // Adds a small picture to the large ones, or removes it.
   enlarge({ title }) {
     if (!this.enlarged.delete(title)) this.enlarged.add(title);
     this.draw();
@@ -125,7 +125,7 @@ export default class LinkedPictures extends Panel {
     return [this.data.hint, `${HINT}${this.isPickable ? ", Enter picks." : "."}`].filter(Boolean).join(" ");
   }
 
-  // The pixel whose values are told: that of the crosshair, or else the point marked last.
+  // The pixel whose values are shown: that of the crosshair, or else the point marked last.
   get read() {
     return this.at ?? this.marks.findLast((mark) => !mark.height && !mark.to) ?? null;
   }
@@ -159,8 +159,8 @@ export default class LinkedPictures extends Panel {
     if (this.width !== before) this.render();
   }
 
-  // Zooms about a place, which stays fixed: the crosshair or else the middle, unless one is named. A factor of 0 shows
-  // the whole picture.
+  // Zooms about a place, which stays fixed: by default the crosshair, or else the middle. A factor of 0 shows the whole
+  // picture.
   zoomBy(factor, place) {
     const { rows, cols } = this.data;
     const zoom = clamp(this.zoom * factor, 1, Math.max(1, cols / CLOSEST_PX));
@@ -172,9 +172,9 @@ export default class LinkedPictures extends Panel {
     this.draw();
   }
 
-  // A visitor's input: pointer, wheel and keys.
+  // Input: pointer, wheel and keys.
 
-  // The viewport under the pointer, or in which it went down.
+  // The viewport under the pointer, or the one in which it went down.
   cellOf({ target }) {
     return target.closest(".viewport");
   }
@@ -223,7 +223,7 @@ export default class LinkedPictures extends Panel {
     this.pointers.set(event.pointerId, event);
   }
 
-  // A click after a drag picks nothing, nor does the second one of a double click, which resets the zoom.
+  // A click after a drag picks nothing, nor does the second click of a double click, which resets the zoom.
   click(event) {
     const { moved, released } = this.held ?? { moved: false, released: null };
     this.held = null;

@@ -5,27 +5,27 @@ import { LivePanel } from "../shared/live.js";
 import { clamp, total } from "../shared/numbers.js";
 import { joined, listening } from "./pieces.js";
 
-const PIECE_S = 0.18; // of sound in a message, at least: with the rest of a block, five messages a second
-const KEPT_S = 2; // of sound that is drawn, and that the server keeps
-const COLUMN = 256; // samples that are drawn as one line
+const PIECE_S = 0.18; // least duration of a message: rounded up to whole blocks, that is five messages a second
+const KEPT_S = 2; // duration of the sound that is drawn, and that the server keeps
+const COLUMN = 256; // samples drawn as one line
 const LOWEST_DB = -60;
-const QUIETEST = 0.02; // of full scale: what is quieter is drawn as small as it is
-const THINNEST = 3; // of 200: silence is seen too
-const FLOOR = 126; // of the drawing of the sensors, px
+const QUIETEST = 0.02; // of full scale: quieter sound is not magnified further
+const THINNEST = 3; // of 200, so that silence is visible
+const FLOOR = 126; // y of the sensors in their drawing, px
 
 export default class Listening extends LivePanel {
   kind = "audioinput"; // two are chosen, or the second is "", for the second channel of the first one
-  inUse = 1; // devices
+  inUse = 1; // number of devices
   levels = [0, 0]; // how loud both are, 0..1
-  collected = []; // blocks that are not sent yet
-  columns = []; // what is drawn of those before
-  most = 1; // columns
+  collected = []; // blocks not sent yet
+  columns = []; // the blocks drawn
+  most = 1; // number of columns
   lag = "–";
-  difference; // of both paths, m
-  isOld = true; // whether the lag is heard no longer
+  difference; // of the paths, m
+  isOld = true; // whether the lag is out of date
   said = "";
   hasAnswer = false;
-  kept = false; // whether the server has been asked to keep what was heard
+  kept = false; // whether the server has been asked to freeze the sound
 
   setUp() {
     navigator.mediaDevices?.addEventListener?.("devicechange", () => this.running && this.listDevices(), { signal: this.gone.signal });
@@ -36,7 +36,7 @@ export default class Listening extends LivePanel {
     this.kept = false;
   }
 
-  // Asks the server to keep what is heard now; once it has, the page takes it as its recordings.
+  // Asks the server to freeze the sound heard now; the page then uses it as its recordings.
   keep() {
     this.kept = true;
     this.asked = Date.now();
@@ -96,7 +96,7 @@ export default class Listening extends LivePanel {
     return { header, parts };
   }
 
-  // Shows a lag and where it points; one that is no longer heard stays, faint.
+  // Shows a lag and where it points; an outdated one stays, faint.
   answered({ sure, lag, difference, said, frozen }) {
     this.hasAnswer = true;
     if (frozen) this.trigger("freeze", frozen);
@@ -106,7 +106,7 @@ export default class Listening extends LivePanel {
     this.schedule();
   }
 
-  // The path of a channel's waveform, 200 high and a column wide for each column, the newest at the right.
+  // The path of a channel's waveform, 200 high and one unit wide per column, the newest at the right.
   wave(channel) {
     const columns = this.columns.map((both) => both[channel]);
     const highest = columns.reduce((most, [low, high]) => Math.max(most, high, -low), QUIETEST);

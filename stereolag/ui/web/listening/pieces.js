@@ -1,4 +1,4 @@
-// Sound of one or two microphones in blocks, as an AudioWorklet delivers them, and in pieces of 16 bits.
+// Sound of one or two microphones, in blocks from an AudioWorklet and in pieces of 16-bit samples.
 
 import { clamp } from "../shared/numbers.js";
 
@@ -16,21 +16,21 @@ registerProcessor("blocks", class extends AudioWorkletProcessor {
   }
 });`;
 
-// A microphone as it hears: what the browser does for calls would change the lag, or take the sound for noise.
+// Unprocessed sound: the browser's processing for calls would change the lag, or suppress the sound as noise.
 const MICROPHONE = { echoCancellation: false, noiseSuppression: false, autoGainControl: false, channelCount: { ideal: 2 } };
 
 // Opens the channels of one device, or the first channel of each of two, and calls `take([first, second])` with each block.
 export async function listening(run, deviceIds, take) {
   const media = [];
   for (const deviceId of deviceIds) media.push(await run.open("audio", deviceId, MICROPHONE));
-  // At the rate of the device, if the browser tells it: samples of its own, not resampled ones.
+  // At the rate of the device, if the browser names it, so that nothing is resampled.
   const { sampleRate } = media[0].getAudioTracks()[0].getSettings();
   const context = new AudioContext(sampleRate ? { sampleRate } : {});
   run.ends.push(() => context.close());
   const source = URL.createObjectURL(new Blob([WORKLET], { type: "text/javascript" }));
   await context.audioWorklet.addModule(source);
   URL.revokeObjectURL(source);
-  // A device of one channel is heard in both; the server notices that they are alike.
+  // A device with one channel is heard in both; the server notices that they are equal.
   const node = new AudioWorkletNode(context, "blocks", { channelCount: 2, channelCountMode: "explicit" });
   node.port.onmessage = ({ data }) => take(data);
   const sources = media.map((one) => context.createMediaStreamSource(one));
@@ -40,12 +40,12 @@ export async function listening(run, deviceIds, take) {
     sources.forEach((one, at) => one.connect(both, 0, at));
     both.connect(node);
   }
-  node.connect(context.destination); // silent, but what leads nowhere is not run
+  node.connect(context.destination); // silent, but an unconnected node is not run
   await context.resume();
   return { rate: context.sampleRate, sources };
 }
 
-// The newest samples of blocks of both channels, `most` at most: two arrays of 16 bits, as bytes.
+// The newest samples of both channels' blocks, `most` at most: two arrays of 16-bit samples, as bytes.
 export const joined = (collected, most) => [0, 1].map((channel) => {
   const all = collected.flatMap((block) => [...block[channel]]).slice(-most);
   return new Uint8Array(Int16Array.from(all, (one) => clamp(Math.round(32768 * one), -32768, 32767)).buffer);

@@ -1,21 +1,21 @@
-// A plan of both sensors and a draggable source, which shows the places that give the same lag.
+// A plan of both sensors and a draggable source, with the curve of all sources that give the same lag.
 
 import { shareOf } from "../shared/dom.js";
 import { branch, pathDifference, pathTo, SENSORS } from "../shared/hyperbola.js";
 import { clamp } from "../shared/numbers.js";
 import { arrows, Panel } from "../shared/panel.js";
 
-// Lengths on the plan are in distances of the sensors.
+// Lengths on the plan are in units of the sensor spacing.
 const WIDE = 4;
 const STEP = 0.01;
-const PLACES = { "In line": [-1, 0], "Beside": [-0.6, 0.3], "As far from both": [0, 0.6] };
+const PLACES = { "In line": [-1, 0], "Beside": [-0.6, 0.3], "Equidistant": [0, 0.6] };
 
 const HIGH = 300; // px
 
 const significant = (value, digits) => value.toLocaleString("en", { maximumSignificantDigits: digits });
 
 export default class Plan extends Panel {
-  times = 1.5; // how many times the path difference the sensors are apart, at least
+  times = 1.5; // sensor spacing over the smallest possible one, the path difference
 
   begin({ difference, example }) {
     this.sign = difference < 0 ? -1 : 1;
@@ -23,7 +23,7 @@ export default class Plan extends Panel {
     this.go("Beside");
   }
 
-  // The distance of the sensors, metres.
+  // The sensor spacing, metres.
   get apart() {
     return this.smallest * this.times;
   }
@@ -88,7 +88,7 @@ export default class Plan extends Panel {
     const words = size < 0.005
       ? "Both paths are equally long: the lag is 0, however far apart the sensors are."
       : `${longer} ${size > 0.995
-        ? "In line with the sensors, the path difference is their distance."
+        ? "In line with the sensors, the path difference equals their distance."
         : `The sensors are ${metres(apart)} apart, more than the path difference.`}`;
     const same = data.difference !== null && Math.abs(difference - data.difference / apart) < 0.02;
     return same ? `${words} This is your lag.` : words;

@@ -1,4 +1,4 @@
-// One video contains the left picture and the maps side by side; each is shown on its own canvas, and pieces are
+// One video contains the left picture and the maps side by side; each is shown on its own canvas, and segments are
 // appended as they are computed. Charts below show the figures of every frame and mark the current one.
 
 import { cut, plotted, shareOf } from "../shared/dom.js";
@@ -47,8 +47,8 @@ export default class Player extends Panel {
     this.appended = 0;
     this.frame = 0;
     this.awaited = null;
-    this.findAll("canvas").forEach((canvas) => (canvas.width = 0)); // nobody may take the pictures of another drive for these
-    if (!window.MediaSource) return; // the video is then shown once complete
+    this.findAll("canvas").forEach((canvas) => (canvas.width = 0)); // so that pictures of another drive are not mistaken for these
+    if (!window.MediaSource) return; // the video is then shown once it is complete
     this.source = new MediaSource();
     this.address = URL.createObjectURL(this.source);
     this.video.src = this.address;
@@ -127,7 +127,7 @@ export default class Player extends Panel {
     this.go(Math.round(shareOf(event, event.currentTarget)[0] * (this.data.frames - 1)));
   }
 
-  // A value at this frame in words, if there is one.
+  // The value at this frame as text, if there is one.
   valueOf(values, unit, digits) {
     const value = values?.[this.frame];
     return value == null ? null : shortened(value, digits, unit);

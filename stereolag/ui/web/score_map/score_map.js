@@ -1,4 +1,4 @@
-// The score of every place, read under the pointer; a click compares it in the search by hand.
+// The score of every place, read under the pointer; a click compares that place in the search by hand.
 
 import { placeIn, put } from "../shared/dom.js";
 import { tell } from "../shared/exchange.js";
@@ -7,8 +7,8 @@ import { pixelsOf, scoresOf, unpacked } from "../shared/packing.js";
 import { arrows, Panel } from "../shared/panel.js";
 
 export default class ScoreMapPanel extends Panel {
-  block = null; // of places, whose score is read; without one the hint is shown
-  chosen = null; // the one that is read while no pointer is there
+  block = null; // the block of places whose score is shown; without one the hint is shown
+  chosen = null; // the block shown while no pointer is there
 
   async load(data) {
     const turn = (this.turn = {});

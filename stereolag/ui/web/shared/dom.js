@@ -6,15 +6,15 @@ import { shortened, ticks } from "./numbers.js";
 const TICK_PX = 65;
 const NAME = 20; // px for the name above each strip
 
-// The path through some points, as text, with a gap for each that is missing; one alone is a dot.
+// The path through some points, as text, with a gap for each missing one; a single point is a dot.
 export const gapped = (points) =>
   points.map((one, at) => (one ? (points[at - 1] ? `L${one}` : `M${one}h0`) : "")).join("");
 
-// The path through values, one unit to the right each, upwards, and with a gap for each that is missing.
+// The path through values, one unit apart to the right, upwards, with a gap for each missing one.
 export const plotted = (values, first = 0) =>
   gapped(values.map((value, at) => Number.isFinite(value) && `${first + at} ${-value}`));
 
-// The runs of places at which something is there, each a list of places.
+// The runs of places that are not missing, each a list of places.
 export function runsOf(those) {
   const runs = [];
   those.forEach((one, at) => {
@@ -38,7 +38,7 @@ export function axis({ first, last, left, right, y, x }, label = "") {
     ${label && svg`<text class="small faint" x=${(left + right) / 2} y=${y + 31} text-anchor="middle">${label}</text>`}`;
 }
 
-// The boxes of strips that lie below each other, each under its name, and the height of all.
+// The boxes of strips below each other, each under its name, and their total height.
 export function stacked(heights, gapBelow) {
   const boxes = {};
   let y = 0;
@@ -49,7 +49,7 @@ export function stacked(heights, gapBelow) {
   return { boxes, height: y };
 }
 
-// The position of a pointer over an element, as shares of its width and height.
+// The position of a pointer over an element, as fractions of its width and height.
 export function shareOf({ clientX, clientY }, one) {
   const { left, top, width, height } = one.getBoundingClientRect();
   return [(clientX - left) / width, (clientY - top) / height];
@@ -61,7 +61,7 @@ export function placeIn(event, one, { rows, cols }) {
   return [down * rows, right * cols];
 }
 
-// Lengths of a picture in px, by their names in CSS, as a style of what lies in it.
+// Lengths in px of a picture, by their names in CSS, as the style of an element in it.
 export function within({ rows, cols }, lengths) {
   const share = (name) => (100 * lengths[name]) / (name === "left" || name === "width" ? cols : rows);
   return Object.keys(lengths).map((name) => `${name}: ${share(name)}%`).join("; ");

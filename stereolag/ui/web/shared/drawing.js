@@ -1,4 +1,4 @@
-// The panel of a component with which one draws on a picture; the picture arrives separately.
+// The panel of a component for drawing on a picture, which arrives separately.
 
 import { placeIn } from "./dom.js";
 import { eventOf, received } from "./exchange.js";

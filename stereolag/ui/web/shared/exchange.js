@@ -1,5 +1,5 @@
-// What components pass to each other on a page, whichever of them is there first. Every item has a kind and a name; it
-// stays as long as the component that brought it, its holder, and each change is an event of the window.
+// Items that the components of a page pass to each other, in whatever order they load. Every item has a kind and a name;
+// it stays as long as the component that brought it, its holder, and each change is an event of the window.
 
 const itemsByHolder = () => (/** @type {any} */ (window).stereolagItems ??= new Map());
 
@@ -9,11 +9,11 @@ export function tell(kind, detail) {
   window.dispatchEvent(new CustomEvent(eventOf(kind), { detail }));
 }
 
-// The item that came last under a name.
+// The last item that came under a name.
 export const received = (kind, name) =>
   [...itemsByHolder().values()].findLast((one) => one.kind === kind && one.name === name)?.item;
 
-// Keeps an item for a holder, an object, in place of its previous one.
+// Keeps an item for its holder, an object, in place of the previous one.
 export function hold(kind, name, item, holder) {
   const before = itemsByHolder().get(holder)?.name;
   itemsByHolder().delete(holder);

@@ -1,5 +1,5 @@
-// The keyboard's focus through a run of the page. Streamlit disables a tab for a moment while a run draws its panel
-// anew, which takes the focus from it, and may replace a control by a new one: the next key would begin at the top.
+// Keeps the keyboard focus through a run of the page. Streamlit disables a tab for a moment while a run redraws its
+// panel, so that it loses the focus, and may replace a control by a new one: the next key would begin at the top.
 
 const [PAUSE_MS, PATIENCE_MS] = [50, 3000];
 let watched = false;
@@ -7,7 +7,7 @@ let pressed = false;
 
 const taken = (one) => !one.isConnected || one.matches("[disabled], [aria-disabled=true], :not([tabindex], input, button)");
 
-/** Return a function that finds a control again: itself, or the one that has replaced it. */
+/** Return a function that finds a control again: the control itself, or the one that replaced it. */
 function finder(one) {
   const [role, name] = [one.getAttribute("role"), one.textContent];
   const at = [...(one.closest("[class*=st-key-]")?.classList ?? [])].find((word) => word.startsWith("st-key-"));
@@ -25,7 +25,7 @@ function giveBack(find, end) {
   else setTimeout(() => giveBack(find, end), PAUSE_MS);
 }
 
-/** Give a control the focus back that a run of the page has taken from it; a press elsewhere, or a key, has its way. */
+/** Give a control back the focus that a run of the page took from it, unless the visitor has moved on meanwhile. */
 export function keepFocus() {
   if (watched) return;
   watched = true;

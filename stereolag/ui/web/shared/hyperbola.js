@@ -1,8 +1,8 @@
-// Two sensors and a source; all lengths are in distances of the sensors, which lie on the line y = 0.
+// Two sensors and a source; all lengths are in units of the sensor spacing, and the sensors lie on the line y = 0.
 
 export const SENSORS = [[-0.5, 0], [0.5, 0]];
 
-const FAR = 4.8; // of the parameter along a branch, which ends far outside of every drawing
+const FAR = 4.8; // of the parameter along a branch, so that it ends far outside every drawing
 
 /** @type {(source: number[], sensor: number[]) => number} */
 export const pathTo = ([x, y], [atX, atY]) => Math.hypot(x - atX, y - atY);

@@ -1,4 +1,4 @@
-// Live media: a panel that sends frames of a camera or pieces of sound to the server, and draws what comes back.
+// Live media: a panel that sends camera frames or pieces of sound to the server, and draws the answers.
 
 import { eventOf, received } from "./exchange.js";
 import { html, live } from "./lit_html.js";
@@ -9,25 +9,25 @@ import { socketTo } from "./socket.js";
 
 const IN_FLIGHT = 2; // so that the next message is on its way while one is answered
 const LOOK_MS = 20;
-const AGAIN_MS = 3000; // a control that moves meanwhile can swallow a message of the page's own connection
+const AGAIN_MS = 3000; // a control moved meanwhile can swallow a message on the page's own connection
 const QUALITY = 0.85;
-const KEPT = 30; // answers over which rates are taken
+const KEPT = 30; // number of answers over which rates are measured
 
-// What is asked of a camera: its full size, since without `resizeMode` the browser would scale it down.
+// Constraints for a camera: its full size, since without `resizeMode` the browser would scale it down.
 const CAMERA = { width: { ideal: 4000 }, height: { ideal: 3000 }, frameRate: { ideal: 30 }, resizeMode: "none" };
 
-// The bytes of an OffscreenCanvas as a JPEG.
+// An OffscreenCanvas as the bytes of a JPEG.
 export async function jpeg(canvas, quality = QUALITY) {
   const blob = await canvas.convertToBlob({ type: "image/jpeg", quality });
   return new Uint8Array(await blob.arrayBuffer());
 }
 
-// From the start of a panel to its stop: the devices in use, and how to end what it has begun.
+// A run, from the start of a panel to its stop: the devices in use, and the actions that end it.
 class Run {
   tracks = [];
   ends = [];
 
-  // Opens a device, that of a name if one is chosen; `wishes` are for its kind, video or audio.
+  // Opens a device, the chosen one if there is one; `wishes` are constraints for its kind, video or audio.
   async open(kind, deviceId, wishes) {
     const media = await navigator.mediaDevices.getUserMedia({
       [kind]: { ...(deviceId && { deviceId: { exact: deviceId } }), ...wishes },
@@ -86,15 +86,15 @@ function carrierFor(token, opened, answered) {
 export class LivePanel extends Panel {
   /** @type {Run} */
   running = null;
-  phase = "off"; // how far the run is, or how it ended: a name of the words
+  phase = "off"; // state of the run, or how it ended: a key of the words
   error = "";
-  ahead = 0; // how many visitors are served before this one
-  fault = ""; // what the server could not do
+  ahead = 0; // position in the queue, 0 if not waiting
+  fault = ""; // an error of the server, in words
   rates = "";
-  kind = "videoinput"; // of its devices
+  kind = "videoinput"; // kind of its devices
   devices = [];
-  chosen = ["", ""]; // those in use, by name
-  wake = () => {}; // has the panel look at once whether there is something to send
+  chosen = ["", ""]; // identifiers of the devices in use
+  wake = () => {}; // makes the panel check at once for something to send
 
   constructor(parent) {
     super(parent);
@@ -102,12 +102,12 @@ export class LivePanel extends Panel {
     this.listen("visibilitychange", () => this.render());
   }
 
-  // To be overridden. Opens the devices of a run, and returns what brings their pictures or their sound.
+  // To be overridden. Opens the devices of a run, and returns the source of their pictures or sound.
   /** @type {(run: Run) => Promise<any>} */
   async open(_) {}
 
-  // To be overridden. Returns the next message as { header, parts }, or nothing if there is nothing new; what else it
-  // has stays here until it is answered.
+  // To be overridden. Returns the next message as { header, parts }, or nothing if there is nothing new; its other
+  // fields stay here until it is answered.
   /** @returns {Promise<any>} */
   async grab() {}
 
@@ -121,7 +121,7 @@ export class LivePanel extends Panel {
     if (!this.running) this.phase = "off";
   }
 
-  // Offers the devices; the browser names them once one of them is allowed.
+  // Lists the devices; the browser names them once one of them is allowed.
   async listDevices() {
     const all = (await navigator.mediaDevices?.enumerateDevices()) ?? [];
     const found = all.filter(({ kind, deviceId }) => kind === this.kind && deviceId);
@@ -129,7 +129,7 @@ export class LivePanel extends Panel {
     this.schedule();
   }
 
-  // Takes another device.
+  // Changes to another device.
   choose(at, deviceId) {
     this.chosen[at] = deviceId;
     this.stop();
@@ -153,7 +153,7 @@ export class LivePanel extends Panel {
     this.connect(run);
   }
 
-  // The markup of a choice of the device at a place.
+  // The markup for choosing the device at a place.
   chooser(at, name, hidden, first) {
     return html`
       <select aria-label=${name} ?hidden=${hidden} @change=${({ target }) => this.choose(at, target.value)}>
@@ -163,7 +163,7 @@ export class LivePanel extends Panel {
       </select>`;
   }
 
-  // What is said about the state of the run.
+  // The state of the run in words.
   get told() {
     const { words } = this.data;
     if (this.running && document.hidden) return words.paused;
@@ -172,7 +172,7 @@ export class LivePanel extends Panel {
     return this.fault || words[this.socket.most ? "carried" : "on"];
   }
 
-  // Pictures beside each other, at a scale; those of other sizes are fitted to the first.
+  // Pictures side by side, at a scale; those of other sizes are fitted to the first.
   picture(sources, scale) {
     const wide = Math.round(scale * (sources[0].videoWidth ?? sources[0].width));
     const high = Math.round(scale * (sources[0].videoHeight ?? sources[0].height));
@@ -215,8 +215,8 @@ export class LivePanel extends Panel {
     };
   }
 
-  // Sends messages until the panel is stopped, never more than `IN_FLIGHT` unanswered ones, and none in a hidden tab. It looks
-  // for new ones by itself, and at once when woken; asking for frames of the screen would have it drawn all the time.
+  // Sends messages until the panel is stopped, never more than `IN_FLIGHT` unanswered, and none in a hidden tab. It looks
+  // for new ones regularly, and at once when woken; animation frames would make the browser redraw all the time.
   async send(run) {
     const { socket } = this;
     while (this.running === run && socket.readyState === WebSocket.OPEN) {
@@ -242,7 +242,7 @@ export class LivePanel extends Panel {
     if (this.root) this.render();
   }
 
-  // Shows answers a second, and the median time from the grab of a frame to its answer.
+  // Shows the answers per second, and the median time from the grab of a frame to its answer.
   note(at) {
     const now = performance.now();
     this.answers = [...this.answers, { now, took: now - at }].slice(-KEPT);

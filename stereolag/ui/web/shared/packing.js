@@ -1,7 +1,7 @@
-// The reverse of stereolag.ui.components.
+// The inverse of stereolag.ui.components.
 
-// The header, with the bytes of its parts; synchronous, since an awaited result would come only after all other work that a
-// change causes on the page.
+// The header, with the bytes of its parts; synchronous, since an awaited result would come only after all other work that
+// a change causes on the page.
 export function unpacked(data) {
   const length = new DataView(data.buffer, data.byteOffset).getUint32(0, true);
   const header = JSON.parse(new TextDecoder().decode(data.subarray(4, 4 + length)));

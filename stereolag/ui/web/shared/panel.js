@@ -1,4 +1,4 @@
-// The panel of a component: created once on its element, given the data of each run, closed at the end. Drags and keys.
+// The panel of a component: created once on its element, given the data of each run, closed at the end; drags and keys.
 
 import { within } from "./dom.js";
 import { html, live, render, svg } from "./lit_html.js";
@@ -13,9 +13,9 @@ export class Panel {
   data;
   view; // the markup
   /** @type {(name: string, value: any) => void} */
-  trigger; // tells Python once
+  trigger; // tells Python about an event
   /** @type {(name: string, value: any) => void} */
-  setState; // tells Python what holds from now on
+  setState; // tells Python a value that stays
 
   constructor(parent) {
     this.find = (selector) => parent.querySelector(selector);
@@ -34,31 +34,31 @@ export class Panel {
     };
   }
 
-  // Has something done when the panel is closed.
+  // Registers an action for when the panel is closed.
   atEnd(act) {
     this.gone.signal.addEventListener("abort", act);
   }
 
-  // Listens to an event of the window, also one that an element keeps to itself, until the panel is closed.
+  // Listens to an event of the window until the panel is closed, even if an element stops its propagation.
   listen(type, react) {
     window.addEventListener(type, react, { signal: this.gone.signal, capture: true });
   }
 
-  // Takes the data of a run; if they are as before, everything stays as the visitor left it.
+  // Takes the data of a run; if they are unchanged, everything stays as the visitor left it.
   load(data) {
     const text = JSON.stringify(data);
     if (text === this.loaded) return;
     this.loaded = text;
     this.data = data;
     this.begin(data);
-    if (!this.view) return; // it shows nothing
+    if (!this.view) return; // there is no markup
     this.render();
     this.draw();
   }
 
   begin(_) {}
 
-  // Brings the markup up to date; the first time, it is made.
+  // Renders the markup, or updates it.
   render() {
     render(this.view(this, this.data, this.data.words, TOOLS), this.find(".view"));
     if (this.root) return;
@@ -70,10 +70,10 @@ export class Panel {
     this.setUp();
   }
 
-  // What can be done only once there is markup.
+  // To be overridden. Called once there is markup.
   setUp() {}
 
-  // Changes its state, and shows that.
+  // Changes the state, and renders it.
   set(state) {
     Object.assign(this, state);
     this.draw();
@@ -99,7 +99,7 @@ export class Panel {
 }
 
 // A listener for a pointer that goes down: `grab(event)` returns the functions `move` and `end` of a drag, or nothing to
-// leave the event alone. `end` is told whether the pointer was released, and not taken away.
+// ignore the event. `end` is told whether the pointer was released, rather than cancelled.
 export const drag = (grab) => (event) => {
   const target = event.currentTarget;
   const { move, end } = (!event.button && grab(event)) || {};
@@ -137,4 +137,4 @@ export function arrows({ shiftKey }, move, far = 10) {
   };
 }
 
-const TOOLS = { html, svg, live, filled, shortened, drag, keys, within }; // of the markup
+const TOOLS = { html, svg, live, filled, shortened, drag, keys, within }; // for the markup

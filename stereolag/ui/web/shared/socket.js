@@ -1,4 +1,4 @@
-// The socket of a live stream: it proves with a token whose it is, and then carries packed items both ways.
+// The socket of a live stream: a token identifies its owner, and then packed items go both ways.
 
 export function socketTo({ address, token }, opened, answered) {
   const { protocol, host } = window.location;

@@ -6,7 +6,7 @@ import { jpeg, LivePanel } from "./live.js";
 export const KEPT_QUALITY = 0.97;
 
 export class StereoPanel extends LivePanel {
-  arrangement = ""; // of the views
+  arrangement = ""; // arrangement of the views
   skew = ""; // the time between both views, in words
 
   begin(data) {
@@ -21,7 +21,7 @@ export class StereoPanel extends LivePanel {
     return this.arrangement === "two";
   }
 
-  // Takes a device for one of the views; if the other view had it, that gets the one given up.
+  // Uses a device for one of the views; if the other view had it, they swap devices.
   choose(at, name) {
     if (this.chosen[1 - at] === name) this.chosen[1 - at] = this.chosen[at];
     if (this.running) super.choose(at, name);
@@ -51,7 +51,7 @@ export class StereoPanel extends LivePanel {
     return videos;
   }
 
-  // Whether all cameras have a new picture, which is then taken for seen.
+  // Whether all cameras have a new picture, which then counts as seen.
   isFresh() {
     const videos = this.media;
     if (!videos.every((one) => one.fresh)) return false;
@@ -60,7 +60,7 @@ export class StereoPanel extends LivePanel {
     return true;
   }
 
-  // Both views in a picture, the left one first; squeezed ones at the shape they were taken in.
+  // Both views in one picture, the left one first; squeezed ones at their original shape.
   views(picture) {
     const [across, squeezed] = [!this.arrangement.endsWith("over-under"), this.arrangement.startsWith("half-")];
     const wide = Math.floor(picture.width / (across ? 2 : 1));
@@ -75,10 +75,10 @@ export class StereoPanel extends LivePanel {
   }
 }
 
-// The JPEGs of some pictures that are kept as files.
+// Pictures as JPEGs, to be kept as files.
 export const jpegs = (pictures) => Promise.all(pictures.map((one) => jpeg(one, KEPT_QUALITY)));
 
-// Notes of every new frame of a video when it was captured.
+// Records the capture time of every new frame of a video.
 function watch(video, told) {
   const note = (_, { captureTime, expectedDisplayTime }) => {
     Object.assign(video, { fresh: true, seen: captureTime ?? expectedDisplayTime });

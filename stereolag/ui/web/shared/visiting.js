@@ -1,7 +1,7 @@
 // Panels with examples to choose from. `VisitingPanel` also has places to visit one after the other, and Play, which
 // visits them all; a panel adds its drawing, and its measurement of all places: their `values`, the value of a
 // `perfect` match, and the places of the `peaks`, several if the highest value repeats. There are two measurements, each
-// with a lesson of its own in every example: the "plain" one, and the `other` one, which the panel offers.
+// with its own lesson in every example: the "plain" one, and the `other` one, which the panel offers.
 
 import { gapped } from "./dom.js";
 import { svg } from "./lit_html.js";
@@ -24,7 +24,7 @@ export class ExamplesPanel extends Panel {
 export class VisitingPanel extends ExamplesPanel {
   all;
   option = false; // whether the measurement is the other one
-  other = ""; // its name
+  other = ""; // name of the other one
   start = 0; // the place at which an example starts
 
   setUp() {
@@ -68,7 +68,7 @@ export class VisitingPanel extends ExamplesPanel {
     this.move(place, how);
   }
 
-  // Actions of the keys that skip the places between, and of that which plays.
+  // Actions of the keys that skip the places between, and of the key that plays.
   ends() {
     return {
       Home: () => this.go(0, { jump: true }),
@@ -113,8 +113,8 @@ export class VisitingPanel extends ExamplesPanel {
   measure() {}
 }
 
-// What is known of a panel's curve: the level of a perfect match and its label, the values at the places visited, the peaks
-// once all have been, and the current place.
+// The known part of a panel's curve: the level of a perfect match and its label, the values at the visited places, the
+// peaks once all have been visited, and the current place.
 export function visitedCurve({ left, right, x, y, stroke }, { all, place, visited }, label, labelBelow) {
   const { values, perfect, peaks } = all;
   const kind = Math.max(...values) < perfect / 2 ? "peak doubtful" : "peak";

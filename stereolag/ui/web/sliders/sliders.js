@@ -1,6 +1,6 @@
-// Asks Python for the map of a slider that is moved: from smaller images while its handle is dragged, and itself as soon as
-// it is released or moved by a key. Over a socket of its own that is quicker than the run of the page, which brings the
-// same map and all else; without one, only the latter comes.
+// Asks Python for the map of a moved slider: from smaller images while its handle is dragged, and the map itself as soon
+// as it is released or moved by a key. Over its own socket that is faster than the run of the page, which brings the same
+// map and everything else; without a socket, only that run comes.
 
 import { tell } from "../shared/exchange.js";
 import { unpacked, packed } from "../shared/packing.js";
@@ -9,7 +9,7 @@ import { socketTo } from "../shared/socket.js";
 
 const EVERY_MS = 80;
 const STEPS = { ArrowRight: "stepUp", ArrowUp: "stepUp", ArrowLeft: "stepDown", ArrowDown: "stepDown" };
-const NAMED = "st-key-depth-"; // begins the class of a slider's box, from the key of its control
+const NAMED = "st-key-depth-"; // prefix of the class of a slider's box, from the key of its control
 
 export default (component) => SlidersPanel.show(component);
 
@@ -58,7 +58,7 @@ class SlidersPanel extends Panel {
     this.item = null;
   }
 
-  // The slider has its new value only once the whole page has reacted to the key: an arrow tells it at once.
+  // The slider has its new value only once the whole page has reacted to the key: an arrow key implies it at once.
   press({ target, key }) {
     const { handle, name } = this.sliderOf(target) ?? {};
     if (!handle || handle.disabled) return;
@@ -75,7 +75,7 @@ class SlidersPanel extends Panel {
     this.socket.onclose = () => (this.socket = this.asked = null);
   }
 
-  // Asks for the latest place once the place before is answered.
+  // Asks for the latest place once the previous one is answered.
   ask(slider, value, whole) {
     this.next = { slider, value: Number(value), whole };
     this.connect();

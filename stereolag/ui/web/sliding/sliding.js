@@ -59,7 +59,7 @@ export default class SlidingPanel extends VisitingPanel {
     };
   }
 
-  // The layout of the strips for one width: their boxes, and what lies in them.
+  // The layout of the strips for one width: their boxes and contents.
   layOut(width) {
     const { example, all, data, place } = this;
     const { recording, cut, lag, step } = example;

@@ -1,4 +1,4 @@
-// Sends the views of a stereo camera, of two cameras or of one moved by hand, and shows the maps that come back in place
+// Sends the views of a stereo camera, of two cameras or of one moved by hand, and shows the maps that come back instead
 // of those on the page.
 
 import { cut } from "../shared/dom.js";
@@ -8,10 +8,10 @@ import { unpacked } from "../shared/packing.js";
 import { jpegs, KEPT_QUALITY, StereoPanel } from "../shared/stereo_panel.js";
 
 export default class StereoCamera extends StereoPanel {
-  first = null; // the left picture of a camera moved by hand
+  first = null; // the left picture from a camera moved by hand
   recording = false;
   freezing = false;
-  count = 0; // frames recorded
+  count = 0; // number of frames recorded
 
   get isMoved() {
     return this.arrangement === "moved";
@@ -34,7 +34,7 @@ export default class StereoCamera extends StereoPanel {
     const { media: videos, freezing } = this;
     if (!this.isFresh() && !freezing) return null;
     const at = performance.now();
-    const width = videos[0].videoWidth / (this.arrangement === "beside" ? 2 : 1); // of a view
+    const width = videos[0].videoWidth / (this.arrangement === "beside" ? 2 : 1); // width of a view
     const scale = freezing ? 1 : Math.min(1, this.data.width / width);
     const picture = this.picture(this.first ? [this.first, ...videos] : videos, scale);
     this.drawPicture(picture);
@@ -45,7 +45,7 @@ export default class StereoCamera extends StereoPanel {
     return { at, header: { freeze: Boolean(freezing) }, parts: [await jpeg(picture, freezing ? KEPT_QUALITY : undefined)] };
   }
 
-  // Shows the picture as it is sent; of a camera moved by hand the first one lies half transparent over the second.
+  // Shows the picture as it is sent; for a camera moved by hand, the first one half transparent over the second.
   drawPicture(picture) {
     const { first } = this;
     const wide = first ? picture.width / 2 : picture.width;

@@ -6,7 +6,7 @@ import { clamp, shortened, total } from "../shared/numbers.js";
 import { pixelsOf, scoresOf, unpacked } from "../shared/packing.js";
 import { arrows, Panel } from "../shared/panel.js";
 
-const SPOT = 3; // places on every side of a visited one that are painted with it
+const SPOT = 3; // places on each side of a visited one that are painted with it
 
 export default class TemplatePanel extends Panel {
   setUp() {
@@ -16,11 +16,11 @@ export default class TemplatePanel extends Panel {
   async load(data) {
     const turn = (this.turn = {});
     const search = await searched(data);
-    const same = search.digest === this.data?.digest; // the page ran again: the painting stays
+    const same = search.digest === this.data?.digest; // the page was rerun: the painting stays
     if (turn !== this.turn || this.gone.signal.aborted || same) return;
     this.data = search;
     const { picture, template, map } = search;
-    this.widest = `calc(${picture.cols / picture.rows} * max(20rem, 100vh - 28rem))`; // on the first screen
+    this.widest = `calc(${picture.cols / picture.rows} * max(20rem, 100vh - 28rem))`; // fits on the screen without scrolling
     this.row = Math.round((map.rows - 1) * 0.2);
     this.col = Math.round((map.cols - 1) * 0.2);
     this.revealed = false;
@@ -130,7 +130,7 @@ async function searched(data) {
 
 const CHANNELS = 3;
 
-// The template's deviations from the mean of each channel, over the pixels that count, those that are opaque.
+// The template's deviations from the mean of each channel, over the opaque pixels, which are those that count.
 export function prepared({ data, rows, cols }) {
   const places = Array.from({ length: rows * cols }, (_, at) => at).filter((at) => data[4 * at + 3]);
   const deviations = centred(places.map((at) => 4 * at), data);
