@@ -46,6 +46,9 @@ MAX_JUDGED_WHOLE = 2**22
 _SECTIONS = 16
 """Sections by which longer recordings are judged."""
 
+_MIN_SECTION_LENGTH = 64
+"""Samples; a shorter overlap has fewer sections."""
+
 _MAX_SECTION_LENGTH = 2**15
 """Samples; longest section."""
 
@@ -431,8 +434,10 @@ def _by_sections(recordings: Recordings, lag: int, searched: int, *, may_change:
     line = (
         over_time if over_time and over_time.changes else LagOverTime((Stretch(common.start, common.stop, lag, 0.0),))
     )
-    size = min(_MAX_SECTION_LENGTH, (common.stop - common.start) // _SECTIONS)
-    starts = np.linspace(common.start, common.stop - size, _SECTIONS).astype(int).tolist()
+    length = common.stop - common.start
+    sections = min(_SECTIONS, max(1, length // _MIN_SECTION_LENGTH))
+    size = min(_MAX_SECTION_LENGTH, length // sections)
+    starts = np.linspace(common.start, common.stop - size, sections).astype(int).tolist()
     parts = []
     for start in starts:
         begin = start + math.floor(line.lag_at(start + size / 2)) - _SECTION_MARGIN
@@ -444,7 +449,8 @@ def _by_sections(recordings: Recordings, lag: int, searched: int, *, may_change:
         # Faded, since the cuts would be clicks common to both.
         parts.append((faded(recordings[0].part(start, start + size)), faded(part)))
     samples_1, samples_2 = (standardised(np.concatenate(each)) for each in zip(*parts, strict=True))
-    evidence = Evidence(samples_1, samples_2, -_SECTION_REACH, _SECTION_REACH, searched)
+    reach = min(_SECTION_REACH, samples_1.size - 1)
+    evidence = Evidence(samples_1, samples_2, -reach, reach, searched)
     peaks = evidence.peaks((0.0,))
     if line is not over_time:
         return _Alignment(evidence, peaks, lag, over_time)

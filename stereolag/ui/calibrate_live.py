@@ -155,7 +155,7 @@ class Taking:
         return self._answer("" if is_still else "Hold it still …", corners, want=is_still)
 
     def _is_still(self, now: Sighting, board: Board, width: int) -> bool:
-        """Record a sighting, and return whether the board has hardly moved since the last one before the minimum gap."""
+        """Record a sighting, and return whether the board has hardly moved since an earlier one."""
         before = [one for one in self.recent if now.at - one.at >= 1000 * MIN_FRAME_GAP_S]
         self.recent = [*self.recent[max(0, len(before) - 1) :][-MAX_RECENT_SIGHTINGS:], now]
         if not before:
