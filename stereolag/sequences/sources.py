@@ -1,4 +1,4 @@
-"""Frames of a stereo camera: folders, patterns, archives and videos, which any process can read by number."""
+"""Frames of a stereo camera in folders, archives and videos, from which any process can read a frame by number."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from stereolag.io.sources import Archive, Source, beginning, is_archive, quote, 
 from stereolag.io.videos import LEAST_RATE, MOST_RATE, VIDEO_ENDINGS, GuardedVideo, VideoFile
 from stereolag.samples import DriveExample
 
-USUAL_RATE = 10.0
-"""Default frame rate of pictures, which do not record one, Hz."""
+DEFAULT_RATE_HZ = 10.0
+"""Frame rate of pictures, which do not record one, Hz."""
 
-MOST_TRIED = 10
-"""Most frames that are tried for one whose true disparity can be read."""
+MAX_FRAMES_TRIED = 10
+"""Largest number of frames tried to find one whose true disparity can be read."""
 
-MAX_ARCHIVED = 20_000
-"""Most files in an archive of frames."""
+MAX_ARCHIVED_FILES = 20_000
+"""Largest number of files in an archive of frames."""
 
 
 class StereoFrame(NamedTuple):
@@ -81,12 +81,12 @@ class StereoSequence:
     rectified
         Whether frames are rectified when they are read.
     turn
-        Quarters, counter-clockwise, by which the pictures of cameras one above the other are turned to be matched;
+        Quarters, counter-clockwise, by which the pictures of cameras one above the other are turned for the matching;
         their maps are turned back.
     findings
-        What the input doctor finds wrong with the frames, for their table.
+        Problems that the input doctor finds with the frames, for their table.
     notes
-        Sentences about the true disparities: how they are read, or what speaks against them.
+        Sentences about the true disparities: how they are read, or why they may be wrong.
     """
 
     names: tuple[str, ...]
@@ -123,9 +123,9 @@ class StereoSequence:
         except (ValueError, OSError):
             return None
 
-    def first_readable(self, looked_at: int | None = None) -> StereoFrame | None:
-        """Return the first undamaged frame, among the first `looked_at` if given; None if all are damaged."""
-        frames = map(self.readable, range(len(self))[:looked_at])
+    def first_readable(self, max_tried: int | None = None) -> StereoFrame | None:
+        """Return the first undamaged frame, among the first `max_tried` if given; None if all are damaged."""
+        frames = map(self.readable, range(len(self))[:max_tried])
         return next((frame for frame in frames if frame is not None), None)
 
 
@@ -154,9 +154,9 @@ def rectified_sequence(
 
 def _read_rectified(reader: FrameReader, calibration: Calibration, alpha: float | None) -> StereoFrame:
     raw = reader()
-    straight = rectify(raw.left, raw.right, calibration, alpha=alpha)
-    back = 0 if calibration.rig is None else -calibration.rig.turn
-    return StereoFrame(turned(straight.left, back), turned(straight.right, back))
+    rectified = rectify(raw.left, raw.right, calibration, alpha=alpha)
+    turn_back = 0 if calibration.rig is None else -calibration.rig.turn
+    return StereoFrame(turned(rectified.left, turn_back), turned(rectified.right, turn_back))
 
 
 def _picture_sequence(
@@ -165,9 +165,9 @@ def _picture_sequence(
     source_of: Callable[[str], Source] = Path,
     door: Door = unguarded,
 ) -> StereoSequence:
-    """Return the frames in separate picture files; they are named by the stems, numbered if these are not unique.
+    """Return the frames in separate picture files, named after the left ones, with numbers if these are not unique.
 
-    One frame tells how the true disparities of all are to be read; depth in their place is left out.
+    How the true disparities of all frames are read follows from one of them; files of depth instead are ignored.
     """
     fit, note = _fit_of_truths(files, source_of, door)
     if fit is not None and fit.is_depth:
@@ -178,7 +178,7 @@ def _picture_sequence(
         names = [f"{number:06d}_{name}" for number, name in enumerate(names)]
     return StereoSequence(
         tuple(names),
-        frame_rate or USUAL_RATE,
+        frame_rate or DEFAULT_RATE_HZ,
         lambda number: partial(_read_pictures, files[number], source_of, door, divisor),
         has_truth=any(one.truth is not None for one in files),
         notes=(note,) if note else (),
@@ -188,8 +188,8 @@ def _picture_sequence(
 def _fit_of_truths(
     files: Sequence[FrameFiles], source_of: Callable[[str], Source], door: Door
 ) -> tuple[TruthFit | None, str]:
-    """Return how the first true disparity that can be read fits its frame, and a sentence if that is to be said."""
-    for one in [one for one in files if one.truth is not None and one.right is not None][:MOST_TRIED]:
+    """Return how the first readable true disparity fits its frame, and a sentence about it, or ""."""
+    for one in [one for one in files if one.truth is not None and one.right is not None][:MAX_FRAMES_TRIED]:
         with suppress(ValueError, OSError):  # a damaged frame
             left, right, _ = _read_pictures(one._replace(truth=None), source_of, door)
             stored = door(read_stored_disparity)(source_of(one.truth or ""))
@@ -210,13 +210,13 @@ def _read_pictures(
 
 
 def _archived(archive: Path | Archive, name: str) -> bytes:
-    """Return a file of an archive, given by its path, which every process opens once, or by its bytes."""
+    """Return a file of an archive; one given by its path is opened once in each process."""
     return (archive if isinstance(archive, Archive) else _opened_once(archive)).read(name)
 
 
 @lru_cache(maxsize=2)
 def _opened_once(path: Path) -> Archive:
-    return read_archive(path, max_files=MAX_ARCHIVED)
+    return read_archive(path, max_files=MAX_ARCHIVED_FILES)
 
 
 def _video_sequence(read: Callable[[int], StereoFrame], count: int, frame_rate: float) -> StereoSequence:
@@ -235,12 +235,14 @@ def _read_halves(video: VideoFile, layout: Layout, crossed: bool, number: int) -
 
 
 def _layout_of(video: VideoFile) -> tuple[Layout, bool]:
-    """Return how both views stand in the frames of a video, from its first or its middle one; side by side if unseen.
+    """Return the layout of both views in the frames of a video, and whether they are crossed.
+
+    It is found from the first or the middle frame; otherwise the views are side by side.
 
     Raises
     ------
     Anaglyph
-        A video whose views are in its colours.
+        If the views are the colours of an anaglyph.
     """
     for number in {0: None, len(video) // 2: None}:
         try:
@@ -277,9 +279,9 @@ def open_sequence(
     frame_rate
         Hz; by default that of the video, or 10 for pictures.
     layout
-        How both views stand in the frames of one video, the left one first; by default found from them.
+        Layout of both views in the frames of one video, the left one first; by default found from the frames.
     door
-        :func:`~stereolag.io.guard.guarded` to have the guard decode strangers' files.
+        :func:`~stereolag.io.guard.guarded` if the guard is to decode the files, which come from strangers.
 
     Returns
     -------
@@ -297,7 +299,7 @@ def open_sequence(
     if frame_rate is not None and not LEAST_RATE <= frame_rate <= MOST_RATE:
         raise ValueError(f"frame_rate is {frame_rate} Hz; allowed are {LEAST_RATE} to {MOST_RATE} Hz.")
     if right is None:
-        sequence = _of_one(left, frame_rate, door, video, layout)
+        sequence = _open_one(left, frame_rate, door, video, layout)
     elif layout is not None:
         raise ValueError("A layout is that of one video with both views; these are two.")
     elif isinstance(left, str | PathLike) and (Path(left).is_dir() or _ending(Path(left)) not in VIDEO_ENDINGS):
@@ -324,7 +326,7 @@ def example_sequence(example: DriveExample) -> StereoSequence:
     return _picture_sequence([FrameFiles(*map(str, one)) for one in files], example.frame_rate)
 
 
-def _of_one(
+def _open_one(
     source: Source, frame_rate: float | None, door: Door, video: type[VideoFile], layout: Layout | None
 ) -> StereoSequence:
     path = Path(source).resolve() if isinstance(source, str | PathLike) else None
@@ -338,7 +340,7 @@ def _of_one(
         return _video_sequence(partial(_read_halves, both, found, crossed), len(both), frame_rate or both.frame_rate)
     if layout is not None:
         raise ValueError("A layout is that of one video with both views; this is an archive.")
-    archive = read_archive(source, max_files=MAX_ARCHIVED)
+    archive = read_archive(source, max_files=MAX_ARCHIVED_FILES)
     files = _frames_among(archive.names)
     if not files:
         raise ValueError(f"The archive holds no pictures named left and right; files in it: {len(archive.names):,}.")
@@ -348,11 +350,11 @@ def _of_one(
 def _frames_among(names: Sequence[str]) -> list[FrameFiles]:
     """Return the frames of one camera among files; with several cameras, by the most reliable naming convention."""
     pairs = matched_pairs(names)
-    surest = min((pair.convention for pair in pairs), default=0)
-    pairs = [pair for pair in pairs if pair.convention == surest]
+    most_reliable = min((pair.convention for pair in pairs), default=0)
+    pairs = [pair for pair in pairs if pair.convention == most_reliable]
     frames = [FrameFiles(pair.left, pair.right, pair.truth) for pair in pairs]
     if frames:
-        frames += [FrameFiles(name, None) for name in left_alone(names, pairs, surest)]
+        frames += [FrameFiles(name, None) for name in left_alone(names, pairs, most_reliable)]
     return sorted(frames, key=lambda frame: [natural_order(frame.left), frame.left])
 
 
@@ -374,13 +376,13 @@ def _pictures(source: Source, endings: frozenset[str]) -> list[str]:
 
 def _partners(names: Sequence[str], others: Sequence[str], what: str) -> list[str | None]:
     """Return the partner of each file: the one with its name, with its number, or at its position if neither agree."""
-    by_name = {_stem(other): other for other in others}
-    found = [by_name.get(_stem(name)) for name in names]
-    if any(found):
-        return found
-    mine, by_number = [_number(name) for name in names], {_number(other): other for other in others}
-    if len({*mine}) == len(names) and len(by_number) == len(others) and any(one in by_number for one in mine):
-        return [by_number.get(one) for one in mine]
+    by_name = {Path(other).stem: other for other in others}
+    partners = [by_name.get(Path(name).stem) for name in names]
+    if any(partners):
+        return partners
+    numbers, by_number = [_number(name) for name in names], {_number(other): other for other in others}
+    if len({*numbers}) == len(names) and len(by_number) == len(others) and any(one in by_number for one in numbers):
+        return [by_number.get(one) for one in numbers]
     if len(names) != len(others):
         raise ValueError(
             f"There are {len(names):,} left pictures and {len(others):,} {what}, with other names; either their names "
@@ -389,13 +391,9 @@ def _partners(names: Sequence[str], others: Sequence[str], what: str) -> list[st
     return list(others)
 
 
-def _stem(name: str) -> str:
-    return Path(name).stem
-
-
 def _number(name: str) -> int | None:
-    """Return the last number in the name of a file; a lost frame must not shift the others."""
-    numbers = re.findall(r"\d+", _stem(name))
+    """Return the last number in the name of a file, which pairs frames even if one is lost."""
+    numbers = re.findall(r"\d+", Path(name).stem)
     return int(numbers[-1]) if numbers else None
 
 
