@@ -27,7 +27,7 @@ Array = npt.NDArray[Any]
 BOARD = (9, 6)
 COEFFICIENTS = (-0.05, -0.1, -0.2, -0.3, 0.1)
 CORNER = 0.4
-"""A point belongs to a corner beyond this fraction of the image's diagonal from its centre."""
+"""Distance from the centre, as a fraction of the image's diagonal, beyond which a point is in a corner."""
 
 
 def doctor_tables() -> tuple[str, dict[str, object]]:
@@ -130,11 +130,11 @@ DISTURBANCES: dict[str, tuple[Callable[[Array, Array], Views], str]] = {
     "both views in each": (lambda left, right: (np.hstack([left, right]),) * 2, "layout"),
     "another scene": (lambda left, right: (left, right), "matches"),
 }
-"""Functions that disturb a pair, and the finding that names it."""
+"""{disturbance: (function that applies it to a pair, code of the finding expected)}."""
 
 
 def disturbance_rows() -> Iterator[dict[str, object]]:
-    """Yield how many of the rectified pairs are told the fault they have, and what else is told of them."""
+    """Yield the number of rectified pairs whose disturbance is reported, and what else is reported."""
     pairs = [(left, right) for _, left, right, _ in rectified_pairs()]
     scenes = pairs[1:] + pairs[:1]
     for name, (disturb, code) in DISTURBANCES.items():

@@ -1,4 +1,4 @@
-"""Live streams of the real app, without a browser: maps a second, their latency, fair shares, and memory."""
+"""Live streams of the app without a browser: maps a second, latency, fairness, and memory."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ from tests.held_boards import taken as board_pictures
 
 SECONDS = 6.0
 PATIENCE_S = 60.0
-"""A stream that waits longer for an answer fails."""
+"""Time for an answer after which a stream fails, s."""
 
 CLIENTS = (0, 1, 2, 4, 8)
-"""Streams at a time; without any, the bystander alone, whose maps take memory too."""
+"""Numbers of simultaneous streams; with 0 there is only the bystander, whose maps take memory too."""
 
 METHODS = {"fast": "Convolution", "StereoBM": "StereoBM"}
 LIVE = "Live camera"
@@ -53,7 +53,7 @@ def frame() -> bytes:
 
 
 async def camera_of(visitor: Visitor, maps: str) -> dict[str, str]:
-    """Choose the live camera with the maps of one method, and return what its component was told."""
+    """Choose the live camera with the maps of one method, and return the arguments of its component."""
     await visitor.press(preset_key("fast"))
     await visitor.choose(SHOWN, maps)
     await visitor.choose(PAIRS, LIVE)
@@ -65,7 +65,7 @@ async def camera_of(visitor: Visitor, maps: str) -> dict[str, str]:
 async def stream(
     port: int, told: dict[str, str], seconds: float, in_flight: int = IN_FLIGHT
 ) -> list[tuple[float, float]]:
-    """Send frames for a while, and return when each answer came and how long it took, s."""
+    """Send frames for a while, and return the time and the latency of each answer, s."""
     data, answers = packed_item({}, [frame()]).data, []
     sent: deque[float] = deque()
     address = f"ws://{HOST}:{port}{told['address']}"
@@ -79,16 +79,16 @@ async def stream(
             if isinstance(await asyncio.wait_for(socket.recv(), PATIENCE_S), bytes):
                 now = time.perf_counter()
                 answers.append((now, now - sent.popleft()))
-    return answers[len(answers) // 4 :]  # the first ones find nothing in the caches
+    return answers[len(answers) // 4 :]  # the caches are empty for the first answers
 
 
 async def carried(visitor: Visitor, seconds: float) -> list[tuple[float, float]]:
-    """Send frames over Streamlit's own connection for a while; returned as by :func:`stream`."""
+    """Send frames over Streamlit's own connection for a while, and return the same as :func:`stream`."""
     data, answers = packed_item({}, [frame()]).data, []
     end = time.perf_counter() + seconds
     while (sent := time.perf_counter()) < end:
         message = {"number": len(answers) + 1, "data": base64.b64encode(data).decode()}
-        await visitor.tell("carrier", "message", message)
+        await visitor.trigger("carrier", "message", message)
         now = time.perf_counter()
         answers.append((now, now - sent))
     return answers[len(answers) // 4 :]
@@ -118,7 +118,7 @@ async def alone(server: Server) -> Figures:
 
 
 async def together(server: Server, count: int) -> Figures:
-    """Return the shares of several streams, and how long a visitor of an example meanwhile waits for moved sliders."""
+    """Return the rates of several streams, and how long a visitor of an example meanwhile waits after slider moves."""
     visitors, bystander = [Visitor(server.port) for _ in range(count)], Visitor(server.port)
     try:
         told = []

@@ -1,4 +1,4 @@
-"""How often a lag is called sure, wrongly and rightly: recordings with known truth, drawn from their seeds."""
+"""How often a lag is reported as sure, rightly and wrongly, on recordings with known truth, generated from seeds."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ SIZES = (2_000, 6_000, 20_000)
 DIRECT_SIZES = (2_000, 6_000)
 
 TRIALS = 40
-"""Pairs of each kind of recordings."""
+"""Number of pairs of each kind of recordings."""
 
 SIMPLE_TRIALS = 100
-"""Simple pairs of each kind by each method."""
+"""Number of simple pairs of each kind for each method."""
 
 
 def noise(size: int, random: np.random.Generator) -> Vector:
@@ -139,7 +139,7 @@ def drifting(size: int, lag: int, ppm: float, noise_level: float, seed: int) -> 
 
 @dataclass(frozen=True)
 class Judged:
-    """What became of one pair.
+    """The outcome of one pair.
 
     Attributes
     ----------
