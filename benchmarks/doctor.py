@@ -163,7 +163,7 @@ def disturbance_rows() -> Iterator[dict[str, object]]:
 
 
 def misleading(views: Views, finding: Finding) -> bool:
-    """Return whether a finding has a remedy after which it is told again."""
+    """Return whether a finding has a remedy after which it is found again."""
     if finding.remedy is None:
         return False
     again = diagnose(*apply_remedy(*views, finding.remedy)).finding(finding.code)
@@ -171,7 +171,7 @@ def misleading(views: Views, finding: Finding) -> bool:
 
 
 def late_rows() -> Iterator[dict[str, object]]:
-    """Yield how many pairs of frames of which the right one is late are told so, and the frames found to fit."""
+    """Yield the number of pairs whose late right frame is reported, and the number of frames by which it seems late."""
     folder = DATA / "sequences" / "kitti_seq1"
     views = [[read_image(path) for path in sorted((folder / side).iterdir())] for side in ("left", "right")]
     for late in range(6):

@@ -160,7 +160,7 @@ async def measured(minutes: float) -> Figures:
 
 
 def following_ms() -> list[float]:
-    """Return how long a frame of a moving sign took to be answered, each, ms of processor time."""
+    """Return the processor time of the answer to each frame of a moving sign, ms."""
     side, kept, took = 64, {}, []
     for number, one in enumerate(frames(1, rows=480, cols=640, side=side)):
         row, col = (round(at - side / 2) for at in one.middle)
@@ -171,7 +171,7 @@ def following_ms() -> list[float]:
 
 
 def calibrating_ms() -> list[float]:
-    """Return how long a frame with a board in both views took to be answered, each, ms of processor time."""
+    """Return the processor time of the answer to each frame with a board in both views, ms."""
     taking, took = Taking(), []
     for _, poses in obeying(4):
         views = [cv2.resize(view, (640, 480), interpolation=cv2.INTER_CUBIC) for view in board_pictures(poses)]
@@ -179,18 +179,18 @@ def calibrating_ms() -> list[float]:
         for _ in range(4):
             message = Shown(parts=shown, at=100.0 * len(took))
             took.append(processor_ms(lambda message=message: taking.answer(message)))
-    return took[ALIKE:]  # until then it is not known which board it is
+    return took[ALIKE:]  # until then the kind of board is not known
 
 
 def processor_ms(act: Callable[[], object]) -> float:
-    """Return the processor time that something takes, ms: others may be at work here too."""
+    """Return the processor time of a call, ms: elapsed time would depend on other processes."""
     start = time.process_time()
     act()
     return 1000 * (time.process_time() - start)
 
 
 def answering() -> Figures:
-    """Return the processor time of a message of the pages that draw no map."""
+    """Return the processor times of the answers to messages of the pages without maps."""
     return {
         f"{name}: CPU of a frame, {share} ms": round(float(np.quantile(took, at)), 1)
         for name, took in (("following", following_ms()), ("calibrating", calibrating_ms()))
@@ -210,7 +210,7 @@ def live_table(minutes: float = 10) -> tuple[str, Figures]:
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.live", description=__doc__)
-    parser.add_argument("--minutes", type=float, default=0, help="length of a long stream, whose memory is looked at")
+    parser.add_argument("--minutes", type=float, default=0, help="length of a long stream, whose memory is measured")
     print(live_table(parser.parse_args().minutes)[0])
 
 

@@ -128,21 +128,21 @@ def their_answer(given: Trial) -> Answer:
 
 
 def outcome(given: Trial, answer: Answer, posed: bool) -> Outcome:
-    """Return what an answer is; `posed`: whether it tells sizes and angles."""
-    left, shape, wrong = list(given.places), given.picture.shape, 0
+    """Return the outcome of an answer; `posed`: whether it has sizes and angles."""
+    missing, shape, wrong = list(given.places), given.picture.shape, 0
     for named in answer.places:
-        near = [one for one in left if one.is_near(named, shape) and (not posed or one.has_pose(named))]
+        near = [one for one in missing if one.is_near(named, shape) and (not posed or one.has_pose(named))]
         if near:
-            left.remove(near[0])
+            missing.remove(near[0])
         elif answer.reason.startswith("clear") or not any(one.is_near(named, shape) for one in given.pale):
             wrong += 1
     if wrong:
         return "wrong" if given.places else "absent found"
-    return "missed" if left else "right"
+    return "missed" if missing else "right"
 
 
 def judged(kind: str, seed: int) -> Judged:
-    """Return what becomes of one search."""
+    """Return the outcomes of one search."""
     given = trial(kind, seed)
     ours, theirs = our_answer(given), their_answer(given)
     places = "; ".join(f"({one.row:.0f}, {one.col:.0f})" for one in ours.places[:4])
@@ -152,18 +152,18 @@ def judged(kind: str, seed: int) -> Judged:
         present=bool(given.places),
         ours=outcome(given, ours, posed=True),
         theirs=outcome(given, theirs, posed=False),
-        said=f"{len(ours.places)} of {len(given.places)} named [{places}], {ours.reason}; true {_told(given.places)}",
+        said=f"{len(ours.places)} of {len(given.places)} named [{places}], {ours.reason}; true {_words(given.places)}",
         seconds=ours.seconds,
     )
 
 
-def _told(places: Sequence[Place]) -> str:
+def _words(places: Sequence[Place]) -> str:
     first = [f"({one.row:.0f}, {one.col:.0f}) × {one.scale:.2f}, {one.rotation:+.0f}°" for one in places[:2]]
     return "; ".join(first) if first else "none"
 
 
 def judged_trials(kinds: Sequence[str], seeds: Sequence[int], jobs: int) -> Iterator[Judged]:
-    """Yield what becomes of the searches of these kinds with these seeds, computed by so many processes."""
+    """Yield the outcomes of the searches of these kinds with these seeds, computed by `jobs` processes."""
     pairs = [(kind, seed) for kind in kinds for seed in seeds]
     if jobs == 1:
         yield from starmap(judged, pairs)
@@ -175,7 +175,7 @@ def judged_trials(kinds: Sequence[str], seeds: Sequence[int], jobs: int) -> Iter
 def rocketman_table(
     kinds: Sequence[str] = tuple(KINDS), *, trials: int = TRIALS, seed: int = SEED, jobs: int = 1
 ) -> tuple[str, list[dict[str, Any]]]:
-    """Return what becomes of searches of each kind as Markdown, with the faults one by one, and as figures."""
+    """Return the outcomes of searches of each kind as Markdown, with each fault, and as figures."""
     kinds = [kind for kind in kinds if kind != "public pictures" or DATA.is_dir()]
     every = list(judged_trials(kinds, range(seed, seed + trials), jobs))
     lines = [

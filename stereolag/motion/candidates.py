@@ -31,9 +31,6 @@ NO_SCORE = np.float32(-2)
 SCORE_TOLERANCE = np.float32(2e-6)
 """Difference up to which scores are equal, as for the windows of a stereo pair: the shorter lag is taken."""
 
-NAN = np.float32(np.nan)
-"""In single precision, for compiled loops."""
-
 HALF = np.float32(0.5)
 """In single precision, for compiled loops."""
 
@@ -196,7 +193,7 @@ def _described(
     above = top - (start - reach)
     below = above + bottom - top
     shape = end - start + 2 * reach, width + 2 * reach + LANES
-    windows = Windows(np.zeros(shape, dtype), np.full(shape, NAN, np.float32))
+    windows = Windows(np.zeros(shape, dtype), np.full(shape, np.nan, np.float32))
     norms = WindowNorms(window, step=1, share=1 / window**2, norm=0.0, floor=floor)
     describe_windows(image, norms, top, windows, (above, below, reach), texture)
     pixels = np.zeros((shape[0] + 2 * window - 1, shape[1] + window - 1), image.dtype)
@@ -223,7 +220,7 @@ def _match_rows(
     length = width + window - 1 + 2 * LANES
     column_sums = np.zeros((len(order), length), total.dtype)
     span, sums = np.zeros(length, total.dtype), np.zeros(length, total.dtype)
-    scores = np.full((side * side, total.shape[1]), NAN, np.float32)
+    scores = np.full((side * side, total.shape[1]), np.nan, np.float32)
     around = np.empty((3, 3, 1, width), np.float32)
     best_plane = np.empty(width, np.int32)
     dy, dx = np.empty((1, width), np.float32), np.empty((1, width), np.float32)

@@ -34,9 +34,6 @@ MAX_DEVIATION_PX = 0.25
 PRECISION_LEVELS = (1, 2)
 """Levels at which that deviation is estimated: one of them suffices, as it is smaller over a larger area."""
 
-MAX_REPEATS = 3
-"""Repeats of a pattern that are tried."""
-
 SELF_SIMILAR_PX = 5
 """Lag up to which any image correlates with itself, px of the level."""
 
@@ -226,14 +223,14 @@ class _Level(NamedTuple):
         return agreement_of(np.ascontiguousarray(self.first[::STEP, ::STEP]), other, flow, side)[0]
 
     def _repeats(self, reach: int) -> Iterator[FloatMap]:
-        """Yield the lags at which the first frame correlates with itself, (2, 1, 1) px of the level, best first."""
+        """Yield up to three lags, (2, 1, 1) px of the level, at which the first frame repeats, best first."""
         rows, cols = self.first.shape
         correlation = fft.fftshift(fft.irfft2(np.abs(fft.rfft2(self.first)) ** 2, self.first.shape))
         peaks = np.where(correlation < cv2.dilate(correlation, np.ones((3, 3), np.uint8)), 0, correlation)
         peaks[: rows // 2] = peaks[rows // 2 + reach + 1 :] = 0
         peaks[:, : max(0, cols // 2 - reach)] = peaks[:, cols // 2 + reach + 1 :] = 0
         threshold, lag = MIN_AUTOCORRELATION * correlation.max(), (0, 0)
-        for _ in range(MAX_REPEATS):
+        for _ in range(3):
             for sign in (1, -1):
                 cv2.circle(peaks, (cols // 2 + sign * lag[1], rows // 2 + sign * lag[0]), SELF_SIMILAR_PX, 0, -1)
             row, col = map(int, np.unravel_index(int(peaks[1:-1, 1:-1].argmax()), (rows - 2, cols - 2)))

@@ -65,10 +65,7 @@ def count_levels(shape: tuple[int, int], window: int, search: int, max_levels: i
 
 def doubled(flow: Flow, shape: tuple[int, int]) -> Flow:
     """Return a flow scaled up to the next finer level, of a given (rows, cols)."""
-    out = np.empty((2, *shape), np.float32)
-    for part, out_part in zip(flow * np.float32(2), out, strict=True):
-        cv2.resize(part, shape[::-1], dst=out_part, interpolation=cv2.INTER_LINEAR)
-    return out
+    return np.stack([cv2.resize(part, shape[::-1], interpolation=cv2.INTER_LINEAR) for part in flow * np.float32(2)])
 
 
 SMOOTHING_PX = 4.0

@@ -267,9 +267,6 @@ def region_of(moving: MovingObject, distance_m: float, own_error_m: float, frame
     )
 
 
-GROWTH_ROUNDS = 2
-"""Rounds of growing an object by its motion and refitting the motion to all of it."""
-
 MIN_PIXELS = 30
 """Least number of pixels with a disparity in both frames for which a motion is fitted."""
 
@@ -294,9 +291,6 @@ MIN_GAIN = 0.02
 
 MAX_LOSS = 0.06
 """Largest loss in correlation under the motion of an object, against standing still, of a pixel that belongs to it."""
-
-MIN_HEIGHT = 0.12
-"""Height above the ground from which a pixel no longer counts as ground, in camera heights."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -380,11 +374,14 @@ def whole_objects(
 def _whole_object(
     box: Box, mask: Mask, taken: Mask, measurements: Measurements, views: Views | None, smallest: int
 ) -> MovingObject | None:
-    """Return the object that a region is part of, or without views the region; None if the frames contradict it."""
+    """Return the object that a region is part of, or without views the region; None if the frames contradict it.
+
+    Twice, the object is grown by its motion, and the motion is fitted to all of it.
+    """
     shift = fitted_shift(measurements, box, mask)
     if shift is None or views is None:
         return None if shift is None else MovingObject(box, mask, shift)
-    for _ in range(GROWTH_ROUNDS):
+    for _ in range(2):
         box, mask = extent(views, box, mask, shift.motion)
         mask &= ~taken[box]
         if np.count_nonzero(mask) < smallest:
@@ -513,8 +510,11 @@ def _widened(box: Box, shape: tuple[int, ...]) -> Box:
 
 
 def above_ground(disparity: FloatMap) -> Mask:
-    """Return the (H, W) mask of pixels above the ground; all pixels if no ground is visible."""
+    """Return the (H, W) mask of pixels that are above the ground by more than 12 % of the camera's height.
+
+    These are all pixels if no ground is visible.
+    """
     ground = ground_of(disparity)
     if ground is None:
         return np.ones(disparity.shape, np.bool_)
-    return np.asarray(disparity * np.float32(1 - MIN_HEIGHT) > ground.disparities(len(disparity)))
+    return np.asarray(disparity * np.float32(1 - 0.12) > ground.disparities(len(disparity)))

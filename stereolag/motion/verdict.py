@@ -40,9 +40,6 @@ MIN_AGREEING_SHARE = 0.3
 """Least share of the textured area that agrees in related frames: 0.44 or more if half of a photograph is exchanged, at
 most 0.05 in unrelated photographs and particles, and up to 0.34 on screens, whose straight edges fit anywhere."""
 
-MIN_ENERGY = 0.01
-"""Energy below which an area has no texture, as a share of the mean energy."""
-
 VERDICT_LEVELS = 3
 """Levels tried, finest first: noise has detail at the first and hardly any at the third."""
 
@@ -94,7 +91,7 @@ def related_frames(firsts: Sequence[Frame], seconds: Sequence[Frame], flow: Flow
         detail = np.ascontiguousarray(details[0][::step, ::step])
         predicted = _predicted(flow, detail.shape)
         agreement, energy = agreement_of(detail, details[1], predicted, NEIGHBOURHOOD_PX, step)
-        textured = (energy > MIN_ENERGY * energy.mean()) & ~leaves_frame(flow[:, ::step, ::step], first.shape, step)
+        textured = (energy > 0.01 * energy.mean()) & ~leaves_frame(flow[:, ::step, ::step], first.shape, step)
         if level == 0:
             sampled = agreement[::2, ::2][textured[::2, ::2]]
             median_agreement = float(np.median(sampled)) if sampled.size else 0.0

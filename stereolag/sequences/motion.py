@@ -299,12 +299,6 @@ class SequenceSettings(Settings):
 SAMPLED_FRAMES = 5
 """Frames, spread over the sequence, that determine the colours of disparities and of the flow before one is drawn."""
 
-ARROW_SPACING = 1 / 28
-"""Spacing of the arrows, as a share of the width."""
-
-ARROW_BACKGROUND = 0.45
-"""Brightness of the picture under the arrows, as a share of the original."""
-
 
 @dataclass(frozen=True, eq=False)
 class FrameMotion:
@@ -439,9 +433,9 @@ class MotionDetector:
             return picture, np.full_like(picture, NO_ANSWER)
         dy, dx = -motion.flow_back.dy, -motion.flow_back.dx
         if self.settings.arrows:
-            spacing = max(8, round(picture.shape[1] * ARROW_SPACING))
-            dark = (picture * np.float32(ARROW_BACKGROUND)).astype(np.uint8)
-            flow_picture = with_arrows(dark, dy, dx, spacing=spacing)
+            spacing = max(8, round(picture.shape[1] * (1 / 28)))
+            darkened = (picture * np.float32(0.45)).astype(np.uint8)
+            flow_picture = with_arrows(darkened, dy, dx, spacing=spacing)
         else:
             colours = flow_colours(dy, dx, self.largest or 1.0)
             flow_picture = np.where(colours[..., 3:] > 0, colours[..., :3], np.uint8(NO_ANSWER[0]))

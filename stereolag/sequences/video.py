@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, BinaryIO, Final, Self
+from typing import Any, BinaryIO, Self
 from uuid import uuid4
 
 import av
@@ -23,15 +23,6 @@ from stereolag.figures.pictures import NO_ANSWER, as_rgb, coloured
 
 MAX_WIDTH_PX = 3840
 """Largest width that decoders in browsers and phones reliably accept, px."""
-
-FRAGMENTED: Final[dict[str, str]] = {"movflags": "frag_keyframe+empty_moov+default_base_moof"}
-"""Writes the file in pieces that begin with a keyframe, each with its own index."""
-
-LOW_LATENCY: Final[dict[str, str]] = {"tune": "zerolatency"}
-"""Encodes every picture before the next one arrives, so that each piece ends exactly with its second."""
-
-ENCODING: Final[dict[str, str]] = {"preset": "ultrafast", "qp": "20"}
-"""A fixed quantiser looks no worse than a constant rate factor (41 to 48 dB), which estimates every picture's cost."""
 
 
 @dataclass(frozen=True)
@@ -82,9 +73,9 @@ def panels(
     return np.concatenate([part[:rows, :cols] for part in parts], axis=1)
 
 
-def index_first(most_frames: int) -> dict[str, str]:
-    """Return the options for an MP4 with its index first, with room for `most_frames` pictures."""
-    return {"moov_size": str(8192 + 32 * most_frames)}
+def index_first(max_frames: int) -> dict[str, str]:
+    """Return the options for an MP4 with its index first, with room for `max_frames` pictures."""
+    return {"moov_size": str(8192 + 32 * max_frames)}
 
 
 class VideoWriter:
@@ -99,7 +90,7 @@ class VideoWriter:
         A path that ends in ".mp4", or a readable, writable and seekable binary file object.
     frame_rate
         Hz.
-    most_frames
+    max_frames
         Largest number of pictures that will be written; space for their index is reserved.
     fragmented
         Whether to write pieces of a second, each with its own index, which can be read while the next is written.
@@ -114,7 +105,7 @@ class VideoWriter:
         self,
         target: str | os.PathLike[str] | BinaryIO | _Sink,
         frame_rate: float,
-        most_frames: int,
+        max_frames: int,
         *,
         fragmented: bool = False,
     ) -> None:
@@ -123,12 +114,15 @@ class VideoWriter:
             raise ValueError(f"video ends in {self._path.suffix!r}; a video is written as '.mp4'.")
         self._part = self._path and self._path.with_name(f".{uuid4().hex}.part")
         self._rate = Fraction(frame_rate).limit_denominator(1001)
-        # The index of an MP4 takes some 20 bytes per picture; reserving its space avoids moving the pictures later.
+        # A fragmented file consists of pieces that begin with a keyframe, each with its own index. Otherwise the index
+        # takes some 20 bytes per picture; reserving its space avoids moving the pictures later.
         self._container = av.open(
             str(self._part) if self._part else target,
             "w",
             format="mp4",
-            options=FRAGMENTED if fragmented else index_first(most_frames),
+            options={"movflags": "frag_keyframe+empty_moov+default_base_moof"}
+            if fragmented
+            else index_first(max_frames),
         )
         self._stream: av.VideoStream | None = None
         self._leading_blanks = 0
@@ -184,7 +178,10 @@ class VideoWriter:
         stream.codec_context.gop_size = max(1, round(self._rate))
         # As OpenCV converts: limited range, with the weights of Rec. 601.
         stream.codec_context.color_range, stream.codec_context.colorspace = ColorRange.MPEG, Colorspace.ITU601
-        stream.options = {**ENCODING, **(LOW_LATENCY if self._fragmented else {})}
+        # A fixed quantiser looks no worse than a constant rate factor (41 to 48 dB), which estimates a picture's cost.
+        # With zero latency each picture is encoded before the next one arrives, and a piece ends with its second.
+        at_once: dict[str, str] = {"tune": "zerolatency"} if self._fragmented else {}
+        stream.options = {"preset": "ultrafast", "qp": "20", **at_once}
         return stream
 
 
