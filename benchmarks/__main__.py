@@ -1,4 +1,4 @@
-"""Print every table and keep it as Markdown and JSON in benchmarks/results/."""
+"""Print tables, and write them as Markdown and JSON to benchmarks/results/."""
 
 from __future__ import annotations
 
@@ -35,13 +35,24 @@ from benchmarks.suggestion import suggestion_table
 from benchmarks.timing import Row
 from benchmarks.verdict import METHODS, TRIALS, methods_table, recordings_table
 
-USUAL = ["speed", "accuracy", "sequences", "browser", "flow"]
-TABLES = [*USUAL, "steadiness", "doctor", "suggestion", "verdict", "long", "rocketman", "load", "live", "hostile"]
+DEFAULT_TABLES = ["speed", "accuracy", "sequences", "browser", "flow"]
+TABLES = [
+    *DEFAULT_TABLES,
+    "steadiness",
+    "doctor",
+    "suggestion",
+    "verdict",
+    "long",
+    "rocketman",
+    "load",
+    "live",
+    "hostile",
+]
 RESULTS = Path(__file__).parent / "results"
 
 
 def conditions() -> dict[str, str]:
-    """Return the conditions that the figures depend on besides the code."""
+    """Return the versions and the machine on which the figures depend."""
     return {
         "Python": platform.python_version(),
         "NumPy": np.__version__,
@@ -53,8 +64,8 @@ def conditions() -> dict[str, str]:
     }
 
 
-def spoken(value: float, unit: str) -> str:
-    """Return a value with three digits in a fitting unit."""
+def with_unit(value: float, unit: str) -> str:
+    """Return a value with three digits in a suitable unit."""
     for factor, name in ((1, "s"), (1e3, "ms"), (1e6, "µs"), (1e9, "ns")):
         if unit == "s" and value * factor >= 1:
             return f"{value * factor:.3g} {name}"
@@ -71,14 +82,14 @@ def table(rows: list[Row]) -> str:
         reported = REPORT.get(row.task)
         then = f"{reported:g} s | {reported / row.ours:,.0f} ×" if reported else " | "
         lines.append(
-            f"| {row.task} | {spoken(row.ours, row.unit)} | {row.peer_name} | {spoken(row.peer, row.unit)} |"
+            f"| {row.task} | {with_unit(row.ours, row.unit)} | {row.peer_name} | {with_unit(row.peer, row.unit)} |"
             f" {row.ratio:.3g} | {row.must} | {row.aim} | {then} |"
         )
     notes = [f"\n{row.task}: {row.note}." for row in rows if row.note]
     return "\n".join(lines + notes)
 
 
-def keep(name: str, title: str, body: str, values: object) -> None:
+def save(name: str, title: str, body: str, values: object) -> None:
     """Print a table and save it with its conditions."""
     state = conditions()
     text = f"# {title}\n\n{body}\n\n" + ", ".join(f"{key} {value}" for key, value in state.items()) + ".\n"
@@ -90,14 +101,16 @@ def keep(name: str, title: str, body: str, values: object) -> None:
 
 
 def main() -> None:
-    """Run the requested tables, or the usual ones."""
+    """Run the requested tables, or the default ones."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument(
-        "tables", nargs="*", choices=[*TABLES, []], help=f"which tables; {', '.join(USUAL)} unless named"
+        "tables", nargs="*", choices=[*TABLES, []], help=f"which tables; {', '.join(DEFAULT_TABLES)} unless named"
     )
-    parser.add_argument("--frames", type=int, help="of sequences: a drive of so many, by the command, and its memory")
+    parser.add_argument(
+        "--frames", type=int, help="of sequences: run the command on a drive of this many, and measure memory"
+    )
     parser.add_argument("--lengths", nargs="*", choices=LENGTHS, help="of long: which recordings; all unless named")
-    drawn = parser.add_argument_group("of verdict and rocketman", "a part of the table is printed, but not kept")
+    drawn = parser.add_argument_group("of verdict and rocketman", "part of a table is printed, but not written")
     kinds = [*KINDS, *SEARCHED]
     drawn.add_argument("--kinds", nargs="*", choices=kinds, help="of recordings or searches; all unless named")
     drawn.add_argument("--trials", type=int, help=f"of each kind; {TRIALS} and {SEARCHES} unless given")
@@ -105,37 +118,37 @@ def main() -> None:
     drawn.add_argument("--method", choices=METHODS, default="fft", help="of verdict; %(default)s unless named")
     drawn.add_argument("--jobs", type=int, default=1, help="processes at once")
     options = parser.parse_args()
-    wanted = options.tables or USUAL
+    wanted = options.tables or DEFAULT_TABLES
     if "speed" in wanted:
         rows = [*stereo_rows(), *signal_rows(), *template_rows()]
-        keep("speed", "Speed", table(rows), [asdict(row) | {"ratio": row.ratio} for row in rows])
+        save("speed", "Speed", table(rows), [asdict(row) | {"ratio": row.ratio} for row in rows])
     if "accuracy" in wanted:
         if DATA.is_dir():
-            keep("accuracy", "Accuracy", *accuracy_tables())
+            save("accuracy", "Accuracy", *accuracy_tables())
         else:
             print(f"Accuracy is left out: the pairs with truth are not at {DATA} (set STEREOLAG_DATA).")
     if "sequences" in wanted:
         if DRIVE.is_dir() and options.frames:
-            keep("long_drive", "A long drive", *long_drive_table(options.frames))
+            save("long_drive", "A long drive", *long_drive_table(options.frames))
         elif options.frames:
             print(f"The long drive is left out: there is none at {DRIVE} (set STEREOLAG_DATA).")
         else:
-            keep("sequences", "Frame sequences", *sequence_table())
+            save("sequences", "Frame sequences", *sequence_table())
     if "steadiness" in wanted:
-        keep("steadiness", "Steady maps", *steadiness_table())
+        save("steadiness", "Steady maps", *steadiness_table())
     if "flow" in wanted:
-        keep("flow", "Optical flow", *flow_table())
+        save("flow", "Optical flow", *flow_table())
     if "browser" in wanted:
         latency = latency_table()
         if latency:
-            keep("browser", "In the browser", *latency)
+            save("browser", "In the browser", *latency)
         else:
             print("The latency is left out: there is no Chromium (set CHROMIUM).")
     if "doctor" in wanted:
-        keep("doctor", "The input doctor", *doctor_tables())
+        save("doctor", "The input doctor", *doctor_tables())
     if "suggestion" in wanted:
         if DATA.is_dir():
-            keep("suggestion", "Suggested settings", *suggestion_table())
+            save("suggestion", "Suggested settings", *suggestion_table())
         else:
             print(f"Suggestions are left out: the pairs with truth are not at {DATA} (set STEREOLAG_DATA).")
     whole = not options.kinds and options.trials is None and options.seed is None
@@ -151,9 +164,9 @@ def main() -> None:
             print(body, flush=True)
         else:
             methods, verdicts = methods_table()
-            keep("verdict", "Verdicts on lags", f"{body}\n\n{methods}", {"recordings": figures, "methods": verdicts})
+            save("verdict", "Verdicts on lags", f"{body}\n\n{methods}", {"recordings": figures, "methods": verdicts})
     if "long" in wanted:
-        keep("long", "Long recordings", *long_table({name: LENGTHS[name] for name in options.lengths or LENGTHS}))
+        save("long", "Long recordings", *long_table({name: LENGTHS[name] for name in options.lengths or LENGTHS}))
     if "rocketman" in wanted:
         body, searches = rocketman_table(
             options.kinds or list(SEARCHED),
@@ -162,17 +175,17 @@ def main() -> None:
             jobs=options.jobs,
         )
         if whole:
-            keep("rocketman", "Template search with doubt", body, searches)
+            save("rocketman", "Template search with doubt", body, searches)
         else:
             print(body, flush=True)
     if "load" in wanted:
-        keep("load", "Many visitors at once", *load_table())
+        save("load", "Many visitors at once", *load_table())
     elif not options.tables:
         print(short_load_table(), flush=True)
     if "live" in wanted:
-        keep("live", "Live cameras", *live_table())
+        save("live", "Live cameras", *live_table())
     if "hostile" in wanted:
-        keep("hostile", "Hostile files", *hostile_table())
+        save("hostile", "Hostile files", *hostile_table())
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ SGBM, BLOCK_15 = StereoSGBM.title, "StereoBM(15)"
 
 @dataclass(frozen=True)
 class Judged:
-    """Bad % at the pair's threshold, with missing pixels counted wrong and of measured pixels alone; density."""
+    """Bad % at the pair's threshold of all pixels, missing ones included, and of measured pixels only; density."""
 
     bad: float
     bad_measured: float
@@ -31,11 +31,11 @@ class Judged:
 
 @dataclass(frozen=True)
 class PairFigures:
-    """Every method on one pair, by title, with the variants that the figures of merit need."""
+    """The figures of every method on one pair, by title, in the variants needed for the figures of merit."""
 
     pair: TruePair
     maps: dict[str, Judged]
-    """As each method returns it."""
+    """Of the map that the method returns."""
     measured: dict[str, Judged]
     """Without filled pixels."""
     filled: dict[str, Judged]
@@ -43,7 +43,7 @@ class PairFigures:
 
 
 def rows_filled(disparity: Disparity) -> Disparity:
-    """Return the map with holes filled from the farther (smaller) of the nearest answers left and right in the row."""
+    """Return the map with holes filled by the farther (smaller) of the nearest disparities on both sides in the row."""
     missing = ~np.isfinite(disparity)
     cols = np.broadcast_to(np.arange(disparity.shape[1]), disparity.shape)
     before = np.maximum.accumulate(np.where(missing, -1, cols), axis=1)
@@ -59,7 +59,7 @@ def rows_filled(disparity: Disparity) -> Disparity:
 
 
 def contestants(num_disparities: int) -> dict[str, StereoMatcher]:
-    """Return every preset and every method with its defaults, over one range."""
+    """Return every preset, and every method with its default settings, over the same range."""
     presets = {PRESETS[name].title: preset(name, num_disparities) for name in PRESETS if name != "report"}
     return presets | {method.title: method().with_search_range(0, num_disparities) for method in METHODS}
 
@@ -72,7 +72,7 @@ def figures_of(pair: TruePair) -> PairFigures:
         figures = evaluate(disparity, pair.truth, thresholds=(limit,))
         return Judged(figures.bad[limit], figures.bad_measured[limit], figures.density)
 
-    # OpenCV's default block, and 15 px, which tuning StereoBM on these pairs leads to.
+    # OpenCV's default block, and 15 px, the result of tuning StereoBM on these pairs.
     methods = contestants(pair.num_disparities) | {
         BLOCK_15: StereoBM(num_disparities=pair.num_disparities, block_size=15)
     }
@@ -95,11 +95,11 @@ def merit(figures: list[PairFigures], ratio: Callable[[PairFigures], float]) -> 
 
 
 FORMS = {"× 16": (0, 16.0), "20,000 + 4 ×": (20_000, 4.0), "7,000 + 3.3 ×": (7_000, 3.3)}
-"""Pedestal and gain with which the pixels of 8 bits are counted in 16."""
+"""Offset and gain by which pixels of 8 bits are converted to 16."""
 
 
-def worst_twins() -> dict[str, float]:
-    """Return the largest change of bad %, over all pairs and presets, of each form of 16 bits from its twin of 8."""
+def worst_changes() -> dict[str, float]:
+    """Return the largest change of bad %, over all pairs and presets, of pairs of 16 bits against those of 8 bits."""
     worst = dict.fromkeys(FORMS, 0.0)
     for pair in true_pairs():
         for name in PRESETS:
@@ -109,10 +109,10 @@ def worst_twins() -> dict[str, float]:
                 found = matcher.compute(left, right).disparity  # noqa: B023
                 return evaluate(found, pair.truth, thresholds=(pair.threshold,)).bad[pair.threshold]  # noqa: B023
 
-            twin = bad(pair.left, pair.right)
+            bad_of_bytes = bad(pair.left, pair.right)
             for form, (pedestal, gain) in FORMS.items():
                 deep = (np.rint(pedestal + one * gain).astype(np.uint16) for one in (pair.left, pair.right))
-                worst[form] = max(worst[form], abs(bad(*deep) - twin))
+                worst[form] = max(worst[form], abs(bad(*deep) - bad_of_bytes))
     return worst
 
 
@@ -150,7 +150,7 @@ def accuracy_tables() -> tuple[str, dict[str, object]]:
             f"| {f.pair.name} | {f.pair.threshold:g} | {' | '.join(kind(f, title) for title in titles)} |"
             for f in figures
         ]
-    twins = worst_twins()
+    twins = worst_changes()
     lines += ["", "Worst change of bad % in another form of the pixels, of all pairs and presets:", ""]
     lines += ["| form | points | must |", "|---|---|---|", *(f"| {form} | {twins[form]:.2f} | ≤ 3 |" for form in twins)]
     values: dict[str, object] = {

@@ -15,7 +15,7 @@ STAGE = """() => {
   const hosts = [...document.querySelectorAll('*')].filter((one) => one.shadowRoot);
   window.stage = hosts.map((one) => one.shadowRoot.querySelector('.stage')).find((one) => one);
 }"""
-"""The maps are drawn inside a component."""
+"""Script that finds the stage inside a component in which the maps are drawn."""
 
 WATCH = """(index) => new Promise((resolve) => {
   const shown = () => window.stage.children[index]?.querySelector('canvas')?.seen;

@@ -55,8 +55,8 @@ def ros(side: str, projection=None, matrix=None, distortion=None, rotation=None,
     """Return a ROS ``camera_info`` file, by default of this camera."""
     first = side == "left"
 
-    def entry(name: str, given, usual: np.ndarray) -> str:
-        values = usual if given is None else given
+    def entry(name: str, given, default: np.ndarray) -> str:
+        values = default if given is None else given
         numbers = ", ".join(f"{value:.12g}" for value in values.ravel())
         return f"{name}:\n  rows: {values.shape[0]}\n  cols: {values.shape[1]}\n  data: [{numbers}]\n"
 
@@ -70,7 +70,7 @@ def ros(side: str, projection=None, matrix=None, distortion=None, rotation=None,
 
 
 def ros_message(side: str) -> bytes:
-    """Return the same as printed by ``rostopic echo``."""
+    """Return the same file as printed by ``rostopic echo``."""
     first = side == "left"
     parts = (M1, D1, R1, P1) if first else (M2, D2, R2, P2)
     numbers = "".join(f"{name}: {part.ravel().tolist()}\n" for name, part in zip("KDRP", parts, strict=True))
@@ -147,20 +147,23 @@ RAW: dict[str, Callable[[], list[bytes]]] = {
 }
 """Both cameras before rectification, without rectifying transforms."""
 
-MADE = {"R1": R1, "R2": R2, "P1": P1, "P2": P2, "Q": Q}
+RECTIFICATION: Values = {"R1": R1, "R2": R2, "P1": P1, "P2": P2, "Q": Q}
 RECTIFYING: dict[str, Callable[[], list[bytes]]] = {
-    "OpenCV YAML": lambda: [opencv(".yml", **BOTH_CAMERAS, **MADE)],
-    "OpenCV XML in two files": lambda: [opencv(".xml", M1=M1, D1=D1, M2=M2, D2=D2), opencv(".xml", R=R, T=T, **MADE)],
-    "NPZ": lambda: [npz(**BOTH_CAMERAS, **MADE)],
+    "OpenCV YAML": lambda: [opencv(".yml", **BOTH_CAMERAS, **RECTIFICATION)],
+    "OpenCV XML in two files": lambda: [
+        opencv(".xml", M1=M1, D1=D1, M2=M2, D2=D2),
+        opencv(".xml", R=R, T=T, **RECTIFICATION),
+    ],
+    "NPZ": lambda: [npz(**BOTH_CAMERAS, **RECTIFICATION)],
     "NPZ with Q alone": lambda: [npz(**BOTH_CAMERAS, R1=R1, R2=R2, Q=Q)],
-    "NPZ without a pose": lambda: [npz(M1=M1, D1=D1, M2=M2, D2=D2, **MADE)],
+    "NPZ without a pose": lambda: [npz(M1=M1, D1=D1, M2=M2, D2=D2, **RECTIFICATION)],
     "NPZ with other names": lambda: [npz(**BOTH_CAMERAS, rectL=R1, rectR=R2, projMatrixL=P1, projMatrixR=P2)],
     "ROS": lambda: [ros("left"), ros("right")],
     "ROS, right before left": lambda: [ros("right"), ros("left")],
     "ROS, printed": lambda: [ros_message("left"), ros_message("right")],
     "ROS, right before left, printed": lambda: [ros_message("right"), ros_message("left")],
 }
-"""Both cameras, with the rectifying transforms used by their maker."""
+"""Both cameras, with the rectification of the software that made the file."""
 
 RECTIFIED: dict[str, Callable[[], list[bytes]]] = {
     "Q in YAML": lambda: [opencv(".yml", Q=Q, image_size=np.array(SIZE))],
@@ -186,17 +189,19 @@ RECTIFIED: dict[str, Callable[[], list[bytes]]] = {
         as_json(focal_px=P1[0, 0], baseline_m=-P2[0, 3] / P2[0, 0], cx=P1[0, 2], cy=P1[1, 2], width=640, height=480)
     ],
 }  # fmt: skip
-"""The rectified pair alone."""
+"""Only the rectified pair."""
 
 
-# The layouts of makers, each written by hand: of the same rig, whose rectified pair has P1 and P2.
+# The layouts of makers, each written by hand, for the same rig, whose rectified pair has P1 and P2.
 
 BASELINE = float(np.linalg.norm(T))
 FOCAL = float(P1[0, 0])
 POSE = np.vstack([np.hstack([R, T]), [0, 0, 0, 1]])
 BODY = np.array([[0, -1, 0, 0.1], [1, 0, 0, 0.2], [0, 0, 1, -0.3], [0, 0, 0, 1]])
-"""Where the left camera stands, in the frame of a body."""
+"""Pose of the left camera in the frame of a body."""
+
 BODIES = (BODY, BODY @ np.linalg.inv(POSE))
+"""Poses of both cameras in that frame."""
 
 
 def quaternion(pose: np.ndarray) -> list[float]:
@@ -209,12 +214,13 @@ def rows(matrix: np.ndarray, between: str = "\n") -> str:
     return between.join(" ".join(f"{value:.12g}" for value in row) for row in np.atleast_2d(matrix))
 
 
-def zed(apart: tuple[np.ndarray, np.ndarray] | None = None) -> bytes:
-    """Return a file of Stereolabs; with lenses set apart, as those of a ZED One are, pinholes or fisheyes."""
+def zed(separate_lenses: tuple[np.ndarray, np.ndarray] | None = None) -> bytes:
+    """Return a file of Stereolabs; with separate lenses, in sections of their own as for a ZED One."""
 
     def camera(side: str, mode: str, matrix: np.ndarray, lens: np.ndarray, factor: float) -> str:
         fx, fy, cx, cy = (factor * matrix[place] for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
-        return f"[{side}_CAM_{mode}]\nfx={fx}\nfy={fy}\ncx={cx}\ncy={cy}\n{'' if apart else coefficients(lens)}\n"
+        own_lens = "" if separate_lenses else coefficients(lens)
+        return f"[{side}_CAM_{mode}]\nfx={fx}\nfy={fy}\ncx={cx}\ncy={cy}\n{own_lens}\n"
 
     def coefficients(lens: np.ndarray) -> str:
         names = ("k1", "k2", "p1", "p2", "k3") if lens.size == 5 else ("k1", "k2", "k3", "k4")
@@ -227,7 +233,7 @@ def zed(apart: tuple[np.ndarray, np.ndarray] | None = None) -> bytes:
     x, y, z = cv2.Rodrigues(R)[0].ravel()
     turns = "".join(f"CV_{mode}={y}\nRX_{mode}={x}\nRZ_{mode}={z}\n" for mode in modes)
     place = 1000 * np.linalg.inv(POSE)[:3, 3]
-    lenses = zip(("LEFT", "RIGHT"), apart or (), strict=False)
+    lenses = zip(("LEFT", "RIGHT"), separate_lenses or (), strict=False)
     cameras += "".join(f"[{side}_DISTO]\n{coefficients(lens)}\n" for side, lens in lenses)
     return (
         f"{cameras}[STEREO]\nBaseline={place[0]}\nTY={place[1]}\nTZ={place[2]}\n{turns}[MISC]\nSensor_ID=1\n".encode()
@@ -248,7 +254,7 @@ def depthai(wide: bool = False) -> bytes:
         }  # fmt: skip
 
     nowhere = np.zeros(3)
-    # Both lead to the colour camera in the middle, which is the last.
+    # Both poses are relative to the colour camera in the middle, the last camera.
     back = np.linalg.inv(POSE)
     middle = np.eye(4)
     middle[0, 3] = -0.04
@@ -285,7 +291,7 @@ def ost(side: str) -> str:
 
 
 def matlab(newer: bool = False, unit: str = "millimeters") -> Values:
-    shift = np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])  # pixels count from 1
+    shift = np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])  # pixels are counted from 1
 
     def camera(matrix: np.ndarray, lens: np.ndarray) -> Values:
         k1, k2, p1, p2, _ = lens.ravel()
@@ -321,7 +327,7 @@ def kitti(**more: np.ndarray) -> bytes:
 
 
 def drivingstereo() -> bytes:
-    full = P2 * [[1, 1, 1, 2]]  # at half size the product is still that of the full one
+    full = P2 * [[1, 1, 1, 2]]  # in images of half size, focal length × baseline is that of the full size
     entries = {"S_101": np.array([1280, 960]), "K_101": M1, "D_101": D1, "R_101": np.eye(3), "T_101": np.zeros(3)}
     entries |= {"S_rect_101": np.array(SIZE), "P_rect_101": P1, "R_rect_101": R1, "K_103": M2, "D_103": D2, "R_103": R}
     entries |= {"T_103": T.ravel(), "S_rect_103": np.array(SIZE), "P_rect_103": full, "R_rect_103": R2}

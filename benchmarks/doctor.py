@@ -27,7 +27,7 @@ Array = npt.NDArray[Any]
 BOARD = (9, 6)
 COEFFICIENTS = (-0.05, -0.1, -0.2, -0.3, 0.1)
 CORNER = 0.4
-"""A point belongs to a corner beyond this fraction of the image's diagonal from its centre."""
+"""Distance from the centre, as a fraction of the image's diagonal, beyond which a point is in a corner."""
 
 
 def doctor_tables() -> tuple[str, dict[str, object]]:
@@ -130,11 +130,11 @@ DISTURBANCES: dict[str, tuple[Callable[[Array, Array], Views], str]] = {
     "both views in each": (lambda left, right: (np.hstack([left, right]),) * 2, "layout"),
     "another scene": (lambda left, right: (left, right), "matches"),
 }
-"""Functions that disturb a pair, and the finding that names it."""
+"""{disturbance: (function that applies it to a pair, code of the finding expected)}."""
 
 
 def disturbance_rows() -> Iterator[dict[str, object]]:
-    """Yield how many of the rectified pairs are told the fault they have, and what else is told of them."""
+    """Yield the number of rectified pairs whose disturbance is reported, and what else is reported."""
     pairs = [(left, right) for _, left, right, _ in rectified_pairs()]
     scenes = pairs[1:] + pairs[:1]
     for name, (disturb, code) in DISTURBANCES.items():
@@ -163,7 +163,7 @@ def disturbance_rows() -> Iterator[dict[str, object]]:
 
 
 def misleading(views: Views, finding: Finding) -> bool:
-    """Return whether a finding has a remedy after which it is told again."""
+    """Return whether a finding has a remedy after which it is found again."""
     if finding.remedy is None:
         return False
     again = diagnose(*apply_remedy(*views, finding.remedy)).finding(finding.code)
@@ -171,7 +171,7 @@ def misleading(views: Views, finding: Finding) -> bool:
 
 
 def late_rows() -> Iterator[dict[str, object]]:
-    """Yield how many pairs of frames of which the right one is late are told so, and the frames found to fit."""
+    """Yield the number of pairs whose late right frame is reported, and the number of frames by which it seems late."""
     folder = DATA / "sequences" / "kitti_seq1"
     views = [[read_image(path) for path in sorted((folder / side).iterdir())] for side in ("left", "right")]
     for late in range(6):

@@ -17,11 +17,14 @@ from stereolag.motion.moving_objects import KMH
 from stereolag.motion.scene_flow import scene_flow
 from stereolag.samples import DriveExample
 
-EVERY = 8
-"""Step between judged frames."""
+FRAME_STEP = 8
+"""Step between the frames that are evaluated."""
 
-LEAST_PIXELS, FARTHEST_M = 800, 45.0
-"""Smaller or farther objects are neither required nor counted as wrong."""
+MIN_PIXELS = 800
+"""Size below which objects are neither required nor counted as wrong, px."""
+
+MAX_DISTANCE_M = 45.0
+"""Distance beyond which objects are neither required nor counted as wrong, metres."""
 
 Flow = npt.NDArray[np.float32]
 Masks = npt.NDArray[np.uint8]
@@ -93,7 +96,7 @@ def judged(drive: DriveExample, methods: Mapping[str, Callable[[Any, Any], Flow]
     calibration, result = read_calibration(drive.calibration), Judged()
     poses = np.linalg.inv(_cameras(drive))
     matcher = preset("fast", num_disparities=drive.num_disparities)
-    for number in range(EVERY // 2, len(drive), EVERY):
+    for number in range(FRAME_STEP // 2, len(drive), FRAME_STEP):
         disparity, objects = _truths(drive, number)
         motions = np.linalg.inv(drive.motions(number - 1))
         truth = rigid_motion(disparity, objects, motions, calibration)
@@ -141,7 +144,7 @@ def _judge_things(
             result.untold += 1
     for body in range(1, len(drive.object_names)):
         true = objects == body
-        if true.sum() >= LEAST_PIXELS and depth(np.median(disparity[true])) <= FARTHEST_M:
+        if true.sum() >= MIN_PIXELS and depth(np.median(disparity[true])) <= MAX_DISTANCE_M:
             result.asked += 1
             if body in best:
                 result.overlaps.append(best[body])
@@ -171,7 +174,7 @@ def drive_lines(drive: DriveExample, methods: Mapping[str, Callable[[Any, Any], 
     figures = {
         "own speed, mean error, km/h": statistics.fmean(found.own_kmh),
         "own speed, largest error, km/h": max(found.own_kmh),
-        f"cars of {LEAST_PIXELS} px within {FARTHEST_M:g} m": found.asked,
+        f"cars of {MIN_PIXELS} px within {MAX_DISTANCE_M:g} m": found.asked,
         "of them outlined": len(found.overlaps),
         "overlap of outline and car (IoU), mean": statistics.fmean(found.overlaps) if found.overlaps else 0.0,
         "speeds told": len(found.speeds),

@@ -1,4 +1,4 @@
-"""Accuracy and speed of the optical flow beside OpenCV's Farnebäck and DIS, on exactly known motions."""
+"""Accuracy and speed of the optical flow compared with OpenCV's Farnebäck and DIS, on exactly known motions."""
 
 from __future__ import annotations
 
@@ -27,8 +27,14 @@ Motion: TypeAlias = Callable[[Any, Any], tuple[Any, Any]]
 """Maps (row, col) in the second frame to the (dy, dx) by which that pixel moved."""
 
 OURS, FARNEBACK_15, FARNEBACK_21, DIS = "ours", "Farnebäck(15)", "Farnebäck(21)", "DIS medium"
-LARGEST, NOISE, WRONG = 30, 4.0, 3.0
-"""Largest synthetic motion, px; noise, grey levels; error from which a pixel counts as wrong, px."""
+MAX_MOTION_PX = 30
+"""Largest synthetic motion, px."""
+
+NOISE_LEVELS = 4.0
+"""Standard deviation of the noise, grey levels."""
+
+WRONG_PX = 3.0
+"""Error above which a pixel counts as wrong, px."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +50,8 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Judged:
-    """Mean end-point error, px; % of pixels off by more than 3 px; the mean error of pixels visible in both frames."""
+class FlowErrors:
+    """Mean end-point error, px; % of pixels off by more than 3 px; mean error of pixels visible in both frames, px."""
 
     epe: float
     wrong: float
@@ -53,7 +59,7 @@ class Judged:
 
 
 def farneback(window: int, first: Picture, second: Picture) -> Flow:
-    """Return OpenCV's Farnebäck flow with the usual parameters."""
+    """Return OpenCV's Farnebäck flow with common parameters."""
     flow = cv2.calcOpticalFlowFarneback(as_grey(first), as_grey(second), None, 0.5, 5, window, 3, 7, 1.5, 0)  # type: ignore[call-overload]
     return np.asarray(np.moveaxis(flow, 2, 0)[::-1])
 
@@ -65,7 +71,7 @@ def dis(first: Picture, second: Picture) -> Flow:
 
 
 def ours(first: Picture, second: Picture) -> Flow:
-    """Return our flow with its defaults and gaps filled."""
+    """Return our flow with default settings and filled gaps."""
     flow = optical_flow(first, second, filling=True)
     return np.stack([flow.dy, flow.dx])
 
@@ -85,13 +91,13 @@ def cases() -> Iterator[Case]:
         yield moved(f"{name}, affine", left, affine(left.shape, 2 * number), 2 * number)
         yield moved(f"{name}, smooth", left, smooth(left.shape, 2 * number + 1), 2 * number + 1)
         seen = read_image(example.occlusion) == 0
-        yield seen_as_motion(name, left, read_image(example.right), read_disparity(example.disparity), seen)
+        yield stereo_as_motion(name, left, read_image(example.right), read_disparity(example.disparity), seen)
     if DATA.is_dir():
         for pair in true_pairs():
-            yield seen_as_motion(pair.name, pair.left, pair.right, pair.truth, None)
+            yield stereo_as_motion(pair.name, pair.left, pair.right, pair.truth, None)
 
 
-def seen_as_motion(
+def stereo_as_motion(
     name: str, left: Picture, right: Picture, disparity: npt.NDArray[np.float32], seen: npt.NDArray[np.bool_] | None
 ) -> Case:
     """Return a stereo pair as two frames in which everything moves left by its disparity."""
@@ -99,11 +105,11 @@ def seen_as_motion(
 
 
 def affine(shape: tuple[int, ...], seed: int) -> Motion:
-    """Return a rotation, scaling and shear with a shift, at most about 30 px within the frame."""
+    """Return an affine motion with a shift, of about 30 px at most within the frame."""
     random = np.random.default_rng(seed)
     rows, cols = shape[:2]
-    matrix = random.uniform(-1, 1, (2, 2)) * LARGEST / math.hypot(rows, cols)
-    shift = random.uniform(-0.5, 0.5, 2) * LARGEST
+    matrix = random.uniform(-1, 1, (2, 2)) * MAX_MOTION_PX / math.hypot(rows, cols)
+    shift = random.uniform(-0.5, 0.5, 2) * MAX_MOTION_PX
     return lambda row, col: (
         matrix[0, 0] * (row - rows / 2) + matrix[0, 1] * (col - cols / 2) + shift[0],
         matrix[1, 0] * (row - rows / 2) + matrix[1, 1] * (col - cols / 2) + shift[1],
@@ -111,13 +117,13 @@ def affine(shape: tuple[int, ...], seed: int) -> Motion:
 
 
 def smooth(shape: tuple[int, ...], seed: int) -> Motion:
-    """Return waves about as long as the picture with a shift, at most about 24 px."""
+    """Return waves about as long as the picture with a shift, of about 24 px at most."""
     random = np.random.default_rng(seed)
     wave, phase = 2 * np.pi * 1.3 / math.hypot(*shape[:2]), random.uniform(0, 2 * np.pi, 4)
-    shift = random.uniform(-0.3, 0.3, 2) * LARGEST
+    shift = random.uniform(-0.3, 0.3, 2) * MAX_MOTION_PX
     return lambda row, col: (
-        0.5 * LARGEST * np.sin(wave * col + phase[0]) * np.cos(wave * row + phase[1]) + shift[0],
-        0.5 * LARGEST * np.cos(wave * col + phase[2]) * np.sin(wave * row + phase[3]) + shift[1],
+        0.5 * MAX_MOTION_PX * np.sin(wave * col + phase[0]) * np.cos(wave * row + phase[1]) + shift[0],
+        0.5 * MAX_MOTION_PX * np.cos(wave * col + phase[2]) * np.sin(wave * row + phase[3]) + shift[1],
     )
 
 
@@ -132,7 +138,7 @@ def moved(name: str, picture: Picture, motion: Motion, seed: int) -> Case:
     second = np.asarray(cv2.remap(picture, *source, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT_101), np.uint8)
     truth = np.zeros((2, rows, cols))
     for _ in range(60):
-        # The motion is given at its end point, so the flow at the start point is found by iteration.
+        # The motion is a function of its end point, so the flow at the start point is found by iteration.
         truth = np.stack(motion(row + truth[0], col + truth[1]))
     other = picture[::-1, ::-1]
     for _ in range(3):
@@ -144,28 +150,29 @@ def moved(name: str, picture: Picture, motion: Motion, seed: int) -> Case:
         second[to_y : to_y + height, to_x : to_x + width] = patch
         truth[:, y : y + height, x : x + width] = np.array([to_y - y, to_x - x])[:, None, None]
     frames = [
-        np.clip(np.rint(one + random.normal(0, NOISE, one.shape)), 0, 255).astype(np.uint8) for one in (first, second)
+        np.clip(np.rint(one + random.normal(0, NOISE_LEVELS, one.shape)), 0, 255).astype(np.uint8)
+        for one in (first, second)
     ]
     return Case(name, "moved picture", frames[0], frames[1], truth.astype(np.float32))
 
 
-def judged(flow: Flow, case: Case) -> Judged:
-    """Return the errors of a flow, over all pixels with ground truth and over those visible in both frames."""
+def errors_of(flow: Flow, case: Case) -> FlowErrors:
+    """Return the errors of a flow over all pixels with ground truth, and over those visible in both frames."""
     error = np.hypot(*(flow - case.truth))
     known = np.isfinite(case.truth[1])
     seen = None if case.seen is None else float(error[known & case.seen].mean())
-    return Judged(float(error[known].mean()), 100 * float((error[known] > WRONG).mean()), seen)
+    return FlowErrors(float(error[known].mean()), 100 * float((error[known] > WRONG_PX).mean()), seen)
 
 
 def flow_table() -> tuple[str, dict[str, object]]:
     """Return the table as Markdown, and its figures."""
-    found: dict[str, tuple[Case, dict[str, Judged], dict[str, float]]] = {}
+    found: dict[str, tuple[Case, dict[str, FlowErrors], dict[str, float]]] = {}
     for case in cases():
         jobs: Mapping[str, Callable[[], Flow]] = {
             title: lambda method=method, case=case: method(case.first, case.second)  # type: ignore[misc]
             for title, method in METHODS.items()
         }
-        judgements = {title: judged(job(), case) for title, job in jobs.items()}
+        judgements = {title: errors_of(job(), case) for title, job in jobs.items()}
         found[f"{case.name} ({case.kind})"] = case, judgements, interleaved(jobs, runs=5)
     lines = [f"| frames | {' | '.join(METHODS)} |", "|---" * (1 + len(METHODS)) + "|"]
     for name, (_, judgements, seconds) in found.items():

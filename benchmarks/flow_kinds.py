@@ -1,4 +1,4 @@
-"""Frames that have nothing or everything in common: how much flow is made of them, ours, OpenPIV's and DIS's."""
+"""Frames with nothing or everything in common: the flow that we, OpenPIV and DIS find between them."""
 
 from __future__ import annotations
 
@@ -19,11 +19,23 @@ Picture: TypeAlias = npt.NDArray[np.uint8]
 Frames: TypeAlias = tuple[Picture, Picture, npt.NDArray[Any] | None]
 """Both frames and the true flow (2, H, W), px; None: they have nothing in common."""
 
-ROWS, COLS, REACH, WRONG = 220, 280, 48, 1.5
-"""Size of the frames and reach of the search, px; error from which a measured pixel counts as wrong, px."""
+ROWS, COLS = 220, 280
+"""Size of the frames, px."""
 
-WINDOW, AREA, SURE = 32, 64, 1.3
-"""Of OpenPIV: sides of window and search area, px; least ratio of its two highest peaks for a vector to be kept."""
+REACH = 48
+"""Reach of the search, px."""
+
+WRONG_PX = 1.5
+"""Error above which a measured pixel counts as wrong, px."""
+
+PIV_WINDOW_PX = 32
+"""Side of OpenPIV's window, px."""
+
+PIV_AREA_PX = 64
+"""Side of OpenPIV's search area, px."""
+
+MIN_PEAK_RATIO = 1.3
+"""Least ratio of the two highest peaks at which a vector of OpenPIV is kept."""
 
 
 def photograph(random: np.random.Generator, which: int | None = None) -> Picture:
@@ -39,7 +51,7 @@ def noisy(random: np.random.Generator, image: npt.ArrayLike, noise: float) -> Pi
 
 
 def particles(random: np.random.Generator, background: npt.ArrayLike = 8.0, brightness: float = 140.0) -> Frames:
-    """Return particles in a vortex before a background that stands still."""
+    """Return particles in a vortex in front of a static background."""
     places = random.uniform((-20, -20), (ROWS + 20, COLS + 20), (int(random.uniform(600, 2500)), 2))
     shift, spin = random.uniform(-6, 6, 2), random.uniform(-0.04, 0.04)
     row, col = np.mgrid[:ROWS, :COLS].astype(np.float64)
@@ -140,13 +152,13 @@ def openpiv(first: Picture, second: Picture) -> tuple[npt.NDArray[Any], npt.NDAr
     u, v, ratio = pyprocess.extended_search_area_piv(
         first.astype(np.int32),
         second.astype(np.int32),
-        window_size=WINDOW,
-        overlap=WINDOW // 2,
-        search_area_size=AREA,
+        window_size=PIV_WINDOW_PX,
+        overlap=PIV_WINDOW_PX // 2,
+        search_area_size=PIV_AREA_PX,
         sig2noise_method="peak2peak",
     )
-    x, y = pyprocess.get_coordinates(first.shape, AREA, WINDOW // 2)
-    kept = np.isfinite(u) & np.isfinite(v) & (ratio > SURE)
+    x, y = pyprocess.get_coordinates(first.shape, PIV_AREA_PX, PIV_WINDOW_PX // 2)
+    kept = np.isfinite(u) & np.isfinite(v) & (ratio > MIN_PEAK_RATIO)
     return np.stack([v[kept], u[kept]]), np.stack([y[kept], x[kept]]).astype(np.intp), kept
 
 
@@ -154,9 +166,9 @@ def kinds_lines(trials: int = 10, seed: int = 1000) -> tuple[list[str], dict[str
     """Return the lines of the table, and its figures: shares of the pixels, or of OpenPIV's vectors, in %."""
     lines = [
         f"Frames of {COLS} × {ROWS} px, {trials} pairs of each kind, seeds from {seed} on: % measured, and % of those "
-        f"off by more than {WRONG} px (all, where there is nothing to measure).",
+        f"off by more than {WRONG_PX} px (all, where there is nothing to measure).",
         "",
-        f"| frames | ours | OpenPIV, s2n > {SURE} | DIS medium | our verdicts |",
+        f"| frames | ours | OpenPIV, s2n > {MIN_PEAK_RATIO} | DIS medium | our verdicts |",
         "|---|---|---|---|---|",
     ]
     figures: dict[str, Any] = {}
@@ -180,7 +192,7 @@ def kinds_lines(trials: int = 10, seed: int = 1000) -> tuple[list[str], dict[str
                 ("DIS", np.moveaxis(dense, 2, 0)[::-1], truth, 1.0),
             ):
                 wrong = (
-                    1.0 if true is None else float((np.hypot(*(found - true)) > WRONG).mean()) if found.size else 0.0
+                    1.0 if true is None else float((np.hypot(*(found - true)) > WRONG_PX).mean()) if found.size else 0.0
                 )
                 shares[title].append((100 * float(share), 100 * wrong))
         cells = []

@@ -15,11 +15,13 @@ from benchmarks.memory import peak_mb, reset_peak, resident_mb
 from stereolag.core.jobs import set_defaults
 from stereolag.io.guard import PATIENCE, READING_S, guarded, start_guard
 
-MOST_SECONDS = 5.0
-"""Processor time of the server."""
-MOST_WAITED_S = PATIENCE * READING_S + 1
-"""Time by the clock on a busy machine, with that to end a worker; on an idle one `READING_S`."""
-MOST_MB = 500.0
+MAX_CPU_S = 5.0
+"""Largest processor time of the server for one file, s."""
+
+MAX_WAITED_S = PATIENCE * READING_S + 1
+"""Largest elapsed time for one file on a busy machine, with the end of a worker, s; on an idle one `READING_S`."""
+
+MAX_MB = 500.0
 
 
 @dataclass(frozen=True)
@@ -29,14 +31,14 @@ class Reading:
     Attributes
     ----------
     name, reader
-        Of the file.
+        Names of the file and of its reader.
     file_mb, waited_s, seconds, extra_mb
-        The file's size, the time by the clock, and the server's own: its processor time, and the rise of its memory
-        above the level with the file loaded.
+        The file's size, MB; the elapsed time, s; the processor time of the server, s; and the rise of its memory above
+        the level with the file loaded, MB.
     answer
         "read" and the shape of the result, or the sentence that refuses the file.
     fault
-        What is wrong, empty if nothing is.
+        The problem found; "" for none.
     """
 
     name: str
@@ -50,7 +52,7 @@ class Reading:
 
 
 def measured(name: str, reader: str, data: bytes, expected: str = "") -> Reading:
-    """Return cost and outcome of reading a file through the guard."""
+    """Return the cost and outcome of reading a file through the guard."""
     before = resident_mb()
     reset_peak()
     start, processor = time.perf_counter(), time.process_time()
@@ -63,7 +65,7 @@ def measured(name: str, reader: str, data: bytes, expected: str = "") -> Reading
     except Exception as error:
         answer = f"failed: {error}"
     waited, seconds, extra = time.perf_counter() - start, time.process_time() - processor, peak_mb() - before
-    fault = "slow" if waited > MOST_WAITED_S or seconds > MOST_SECONDS else "large" if extra > MOST_MB else ""
+    fault = "slow" if waited > MAX_WAITED_S or seconds > MAX_CPU_S else "large" if extra > MAX_MB else ""
     fault = fault or _unexpected(answer, expected)
     return Reading(name, reader, len(data) / 1e6, waited, seconds, extra, answer, fault)
 
@@ -108,7 +110,7 @@ def _be_a_server() -> None:
 
 
 def mutated(original: bytes, chance: random.Random) -> bytes:
-    """Return a valid file with some bytes changed, cut out, inserted, repeated or cut off."""
+    """Return a valid file with some bytes changed, removed, inserted, repeated or truncated."""
     data = bytearray(original)
     for _ in range(chance.choice([1, 1, 1, 2, 4])):
         place = chance.randint(0, min(len(data), chance.choice([40, 200, 10**6])))
@@ -130,7 +132,7 @@ def mutated(original: bytes, chance: random.Random) -> bytes:
 
 
 def fuzz(minutes: float, seed: int) -> bool:
-    """Read mutated files for some minutes, print the outcome, and return whether nothing went wrong."""
+    """Read mutated files for some minutes, print the outcome, and return whether there was no fault."""
     _be_a_server()
     chance, valid, end = random.Random(seed), valid_files(), time.monotonic() + 60 * minutes
     counts: Counter[str] = Counter()
@@ -161,8 +163,8 @@ def main() -> None:
     """Print the table, or fuzz."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.hostile", description=__doc__)
     parser.add_argument("--only", default="", help="a pattern of the names of the files")
-    parser.add_argument("--fuzz", type=float, metavar="MINUTES", help="mutate valid files for so long instead")
-    parser.add_argument("--seed", type=int, default=0, help="where fuzzing begins")
+    parser.add_argument("--fuzz", type=float, metavar="MINUTES", help="read mutated valid files for this time instead")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the fuzzing")
     options = parser.parse_args()
     if options.fuzz is not None:
         sys.exit(not fuzz(options.fuzz, options.seed))

@@ -1,4 +1,4 @@
-"""Hostile files by name, each made on demand: bombs, lying, slow and truncated files, and odd but legal ones."""
+"""Hostile files by name, each made on demand: bombs, false headers, slow and truncated files, and odd valid ones."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ READERS: dict[str, Callable[[bytes], object]] = {
 
 @dataclass(frozen=True)
 class HostileFile:
-    """A hostile file by name, with its reader; otherwise as a `Case`."""
+    """A hostile file: its name, its reader, and otherwise as a `Case`."""
 
     name: str
     reader: str
@@ -92,7 +92,7 @@ class HostileFile:
 
 
 def hostile_files() -> dict[str, HostileFile]:
-    """Return all of them by name, without making any."""
+    """Return all hostile files by name, without making them."""
     kinds = {
         "": ("image", images()),
         "recording: ": ("signal", signals()),

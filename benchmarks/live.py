@@ -1,4 +1,4 @@
-"""Live streams of the real app, without a browser: maps a second, their latency, fair shares, and memory."""
+"""Live streams of the app without a browser: maps a second, latency, fairness, and memory."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ from tests.held_boards import taken as board_pictures
 
 SECONDS = 6.0
 PATIENCE_S = 60.0
-"""A stream that waits longer for an answer fails."""
+"""Time for an answer after which a stream fails, s."""
 
 CLIENTS = (0, 1, 2, 4, 8)
-"""Streams at a time; without any, the bystander alone, whose maps take memory too."""
+"""Numbers of simultaneous streams; with 0 there is only the bystander, whose maps take memory too."""
 
 METHODS = {"fast": "Convolution", "StereoBM": "StereoBM"}
 LIVE = "Live camera"
@@ -53,7 +53,7 @@ def frame() -> bytes:
 
 
 async def camera_of(visitor: Visitor, maps: str) -> dict[str, str]:
-    """Choose the live camera with the maps of one method, and return what its component was told."""
+    """Choose the live camera with the maps of one method, and return the arguments of its component."""
     await visitor.press(preset_key("fast"))
     await visitor.choose(SHOWN, maps)
     await visitor.choose(PAIRS, LIVE)
@@ -65,7 +65,7 @@ async def camera_of(visitor: Visitor, maps: str) -> dict[str, str]:
 async def stream(
     port: int, told: dict[str, str], seconds: float, in_flight: int = MAX_IN_FLIGHT
 ) -> list[tuple[float, float]]:
-    """Send frames for a while, and return when each answer came and how long it took, s."""
+    """Send frames for a while, and return the time and the latency of each answer, s."""
     data, answers = packed_item({}, [frame()]).data, []
     sent: deque[float] = deque()
     address = f"ws://{HOST}:{port}{told['address']}"
@@ -79,16 +79,16 @@ async def stream(
             if isinstance(await asyncio.wait_for(socket.recv(), PATIENCE_S), bytes):
                 now = time.perf_counter()
                 answers.append((now, now - sent.popleft()))
-    return answers[len(answers) // 4 :]  # the first ones find nothing in the caches
+    return answers[len(answers) // 4 :]  # the caches are empty for the first answers
 
 
 async def carried(visitor: Visitor, seconds: float) -> list[tuple[float, float]]:
-    """Send frames over Streamlit's own connection for a while; returned as by :func:`stream`."""
+    """Send frames over Streamlit's own connection for a while, and return the same as :func:`stream`."""
     data, answers = packed_item({}, [frame()]).data, []
     end = time.perf_counter() + seconds
     while (sent := time.perf_counter()) < end:
         message = {"number": len(answers) + 1, "data": base64.b64encode(data).decode()}
-        await visitor.tell("carrier", "message", message)
+        await visitor.trigger("carrier", "message", message)
         now = time.perf_counter()
         answers.append((now, now - sent))
     return answers[len(answers) // 4 :]
@@ -118,7 +118,7 @@ async def alone(server: Server) -> Figures:
 
 
 async def together(server: Server, count: int) -> Figures:
-    """Return the shares of several streams, and how long a visitor of an example meanwhile waits for moved sliders."""
+    """Return the rates of several streams, and how long a visitor of an example meanwhile waits after slider moves."""
     visitors, bystander = [Visitor(server.port) for _ in range(count)], Visitor(server.port)
     try:
         told = []
@@ -160,7 +160,7 @@ async def measured(minutes: float) -> Figures:
 
 
 def following_ms() -> list[float]:
-    """Return how long a frame of a moving sign took to be answered, each, ms of processor time."""
+    """Return the processor time of the answer to each frame of a moving sign, ms."""
     side, kept, took = 64, {}, []
     for number, one in enumerate(frames(1, rows=480, cols=640, side=side)):
         row, col = (round(at - side / 2) for at in one.middle)
@@ -171,7 +171,7 @@ def following_ms() -> list[float]:
 
 
 def calibrating_ms() -> list[float]:
-    """Return how long a frame with a board in both views took to be answered, each, ms of processor time."""
+    """Return the processor time of the answer to each frame with a board in both views, ms."""
     taking, took = Taking(), []
     for _, poses in obeying(4):
         views = [cv2.resize(view, (640, 480), interpolation=cv2.INTER_CUBIC) for view in board_pictures(poses)]
@@ -179,18 +179,18 @@ def calibrating_ms() -> list[float]:
         for _ in range(4):
             message = Shown(parts=shown, at=100.0 * len(took))
             took.append(processor_ms(lambda message=message: taking.answer(message)))
-    return took[FRAMES_TO_AGREE:]  # until then it is not known which board it is
+    return took[FRAMES_TO_AGREE:]  # until then the kind of board is not known
 
 
 def processor_ms(act: Callable[[], object]) -> float:
-    """Return the processor time that something takes, ms: others may be at work here too."""
+    """Return the processor time of a call, ms: elapsed time would depend on other processes."""
     start = time.process_time()
     act()
     return 1000 * (time.process_time() - start)
 
 
 def answering() -> Figures:
-    """Return the processor time of a message of the pages that draw no map."""
+    """Return the processor times of the answers to messages of the pages without maps."""
     return {
         f"{name}: CPU of a frame, {share} ms": round(float(np.quantile(took, at)), 1)
         for name, took in (("following", following_ms()), ("calibrating", calibrating_ms()))
@@ -210,7 +210,7 @@ def live_table(minutes: float = 10) -> tuple[str, Figures]:
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.live", description=__doc__)
-    parser.add_argument("--minutes", type=float, default=0, help="length of a long stream, whose memory is looked at")
+    parser.add_argument("--minutes", type=float, default=0, help="length of a long stream, whose memory is measured")
     print(live_table(parser.parse_args().minutes)[0])
 
 

@@ -1,4 +1,4 @@
-"""How many visitors it bears: users of the real app who each move a slider on their own pair, without a browser."""
+"""Load test of the app without a browser: visitors who each move a slider on their own pair."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def own_pair(seed: int, width: int = WIDTH, height: int = HEIGHT, largest: float
 
 
 async def with_own_pair(visitor: Visitor, files: dict[str, bytes]) -> None:
-    """Upload a pair and wait for its maps."""
+    """Upload a pair, and wait for its maps."""
     await visitor.choose(PAIRS, OWN)
     async with visitor.another_map():
         await visitor.upload(files)
@@ -118,8 +118,8 @@ def latencies(moves: Sequence[Move]) -> list[float]:
 async def alone(server: Server, name: str = "alone", *, plain: bool = False) -> Figures:
     """Return the latencies and costs of a single visitor who moves again after each map.
 
-    If `plain`, the visitor takes back the fast preset with which a pair of one's own begins: no check and no finishing,
-    as when the first figures were kept, so that these tell the cost of the page from that of the map.
+    If `plain`, the visitor undoes the fast preset that is set for uploaded pairs: without checks and finishing, as when
+    the first figures were recorded, the cost of the page can be separated from that of the map.
     """
     async with Visitor(server.port) as visitor:
         await with_own_pair(visitor, own_pair(1_000_000))

@@ -17,7 +17,7 @@ from stereolag import signal_lag
 
 Samples: TypeAlias = npt.NDArray[np.float32]
 
-PIECE = 2**20
+PIECE_SAMPLES = 2**20
 RATE = 44_100
 LENGTHS = {"4 s": 4, "1 min": 60, "10 min": 600, "1 h": 3600}
 MAX_LAG = 10 * RATE
@@ -32,8 +32,8 @@ NOTE = (
 def noise(size: int, seed: int) -> Samples:
     """Return white noise, generated piecewise to need no extra memory."""
     random, made = np.random.default_rng(seed), np.empty(size, dtype=np.float32)
-    for start in range(0, size, PIECE):
-        made[start : start + PIECE] = random.standard_normal(min(PIECE, size - start), dtype=np.float32)
+    for start in range(0, size, PIECE_SAMPLES):
+        made[start : start + PIECE_SAMPLES] = random.standard_normal(min(PIECE_SAMPLES, size - start), dtype=np.float32)
     return made
 
 
@@ -41,8 +41,8 @@ def pair(size: int, lag: int) -> tuple[Samples, Samples]:
     """Return two recordings of one sound, each with its own noise as loud as the sound, using no extra memory."""
     first, second = noise(size, 1), noise(size, 2)
     random = np.random.default_rng(0)
-    for start in range(0, size + lag, PIECE):
-        sound = random.standard_normal(min(PIECE, size + lag - start), dtype=np.float32)
+    for start in range(0, size + lag, PIECE_SAMPLES):
+        sound = random.standard_normal(min(PIECE_SAMPLES, size + lag - start), dtype=np.float32)
         for recording, place in ((first, start - lag), (second, start)):
             begin, stop = max(0, place), min(size, place + sound.size)
             if begin < stop:

@@ -22,14 +22,18 @@ from stereolag.loops.bands import available_cores
 
 CONSOLE = "import sys; from stereolag.commands import main; sys.exit(main())"
 PRESET = "fast"
-ENDED_AFTER = 40
-"""Frames from one signal that ends a short run to the next."""
 SHORT = 120
-LOOKS_S = 0.25
+"""Number of frames of a short run."""
+
+ENDED_AFTER = 40
+"""Number of frames after which a short run is ended by a signal, and again after as many more."""
+
+POLL_S = 0.25
+"""Interval at which memory is measured, s."""
 
 
 def long_drive_table(frames: int) -> tuple[str, dict[str, Any]]:
-    """Return the results of a run over this many frames, one interrupted twice, and one that lost a worker."""
+    """Return the results of a run over this many frames, of one interrupted twice, and of one that loses a worker."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         sides = repeated_drive(folder / "drive", frames)
@@ -97,7 +101,7 @@ def watched(sides: tuple[Path, Path], out: Path, *flags: str) -> tuple[dict[str,
         with suppress(psutil.NoSuchProcess):
             tree = [first, *first.children(recursive=True)]
             memory.append(sum(one.memory_info().rss for one in tree) / 1e6)
-        time.sleep(LOOKS_S)
+        time.sleep(POLL_S)
     return finished(process), memory
 
 

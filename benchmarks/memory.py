@@ -1,4 +1,4 @@
-"""The memory of this process as counted by Linux: sampling would miss its peak."""
+"""The memory of this process as counted by Linux, since sampling would miss its peak."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CLEAR_REFS = Path("/proc/self/clear_refs")
 
 def peak_extra_memory(job: Callable[[], object]) -> float:
     """Return the rise of this process's resident memory to its peak while `job` runs, MB."""
-    with suppress(AttributeError):  # what glibc keeps would not rise again
+    with suppress(AttributeError):  # memory that glibc has kept would not raise the peak
         ctypes.CDLL(None).malloc_trim(0)
     reset_peak()
     before = resident_mb()
@@ -32,7 +32,7 @@ def peak_mb() -> float:
 
 
 def reset_peak() -> None:
-    """Reset the peak to the current memory; where Linux does not allow that, it stays the highest ever."""
+    """Reset the peak to the current memory, if Linux allows that."""
     with suppress(OSError):
         CLEAR_REFS.write_text("5")
 

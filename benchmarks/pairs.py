@@ -26,7 +26,7 @@ THRESHOLDS = {"Middlebury": 1.0, "KITTI": 3.0, "DrivingStereo": 3.0}
 
 @dataclass(frozen=True)
 class TruePair:
-    """A stereo pair, its ground truth, and the range that this needs, rounded up to OpenCV's multiple of 16."""
+    """A stereo pair, its ground truth, and the number of disparities it needs, rounded up to a multiple of 16."""
 
     name: str
     family: str

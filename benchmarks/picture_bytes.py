@@ -19,7 +19,8 @@ RNG_SEED = 7
 MB = 2**20
 
 Case: TypeAlias = tuple[Callable[[], bytes], str]
-"""Makes a file, and says what is expected of its reader: `READ`, a pattern of its refusal, or either if empty."""
+"""A function that makes a file, and the expected result of its reader: `READ`, a pattern of the error, or "": any."""
+
 READ = "read"
 
 # PNG
@@ -224,7 +225,7 @@ FAST_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 
 
 def turned(data: bytes) -> bytes:
-    """Return the PNG with an EXIF orientation that says the camera was held upright."""
+    """Return the PNG with the EXIF orientation of a camera held upright."""
     return data[:33] + png_chunk(b"eXIf", exif(3, 1, 6)) + data[33:]
 
 

@@ -1,4 +1,4 @@
-"""Pairs of recordings with known truth, of the kinds that users bring; every pair is drawn from its kind and seed."""
+"""Pairs of recordings with known truth, of the kinds that users bring, each generated from its kind and a seed."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ Pair: TypeAlias = tuple[Vector, Vector]
 Kind: TypeAlias = Callable[[Random], "Trial"]
 
 MARGIN = 3000
-"""Samples of a sound before the first one recorded."""
+"""Samples of a sound before the first sample recorded."""
 
-SPREAD: tuple[Source, ...] = tuple(sound for sound in SOUNDS if sound is not engine)
-"""Sounds that do not nearly repeat themselves."""
+NOT_REPETITIVE: tuple[Source, ...] = tuple(sound for sound in SOUNDS if sound is not engine)
+"""Sounds that do not almost repeat."""
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A stretch that both recordings hold, without a step: its ends in recording 1, and the lags there, samples."""
+    """A stretch without a step that is in both recordings: its ends in recording 1 and the lags there, samples."""
 
     first: float
     last: float
@@ -63,7 +63,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class Trial:
-    """Two recordings and the answer.
+    """Two recordings and the correct answer.
 
     The lag is a function of time: it grows by `ppm`, and jumps at `steps`.
 
@@ -74,18 +74,18 @@ class Trial:
     rate
         Samples per second.
     lags
-        The lags that are right at sample 0 of recording 1, samples; none if the recordings have nothing in common.
+        The correct lags at sample 0 of recording 1, samples; none if the recordings have nothing in common.
     expected
-        The verdict: ``"sure"``; ``"ambiguous"`` (every period is as good); ``"nothing"``; ``"any"`` where none of them
-        is a mistake. ``"sure"`` is a mistake where ``"ambiguous"`` or ``"nothing"`` is expected.
+        The verdict: ``"sure"``; ``"ambiguous"`` (every period fits as well); ``"nothing"``; ``"any"``: none is a
+        mistake. ``"sure"`` is a mistake where ``"ambiguous"`` or ``"nothing"`` is expected.
     ppm
         Growth of the lag, samples per million; positive if the clock of recording 2 runs faster.
     steps
         Places in recording 1, samples, each with the lag from there on.
     named
-        Those of `lags` that a sure answer must name: as its lag, or beside it.
+        The lags of `lags` that a sure answer must name, as its lag or in addition.
     tolerance
-        Largest error of a lag that is right, samples.
+        Largest error of a correct lag, samples.
     """
 
     recordings: Sequence[Vector]
@@ -100,7 +100,7 @@ class Trial:
     def lines(self) -> list[list[Piece]]:
         """Return the lag over time, for each of `lags`."""
         (size_1, size_2), growth = (one.size for one in self.recordings), self.ppm * 1e-6
-        every = []
+        lines = []
         for start in self.lags:
             starts = [(0.0, start), *self.steps]
             ends = [place for place, _ in self.steps] + [size_1 - 1.0]
@@ -111,27 +111,27 @@ class Trial:
                 last = min(end, (size_2 - 1 + growth * place - lag) / (1 + growth))
                 if first < last:
                     line.append(Piece(first, last, lag + growth * (first - place), lag + growth * (last - place)))
-            every.append(line)
-        return every
+            lines.append(line)
+        return lines
 
     def ranges(self) -> tuple[tuple[float, float], ...]:
-        """Return the lags that occur, from lowest to highest, for each piece of each line."""
+        """Return the lowest and the highest lag of each piece of each line."""
         ends = ((piece.lag_first, piece.lag_last) for line in self.lines() for piece in line)
         return tuple((min(pair), max(pair)) for pair in ends)
 
     def is_right(self, lag: float) -> bool:
-        """Return whether a lag occurs at some time of both recordings, within the tolerance."""
+        """Return whether a lag occurs at some time, within the tolerance."""
         return any(low - self.tolerance <= lag <= high + self.tolerance for low, high in self.ranges())
 
     def is_right_drift(self, ppm: float) -> bool:
-        """Return whether a drift is right to 2 ppm, or to a quarter of a sample over recordings too short for that."""
+        """Return whether a drift is right to 2 ppm, or over short recordings to a quarter of a sample in total."""
         shortest = min(one.size for one in self.recordings)
         return abs(ppm - self.ppm) <= max(2.0, 0.25e6 / shortest)
 
     def is_right_over_time(self, lag_at: Callable[[float], float]) -> bool:
-        """Return whether a lag as a function of seconds agrees with one of the true lines.
+        """Return whether a lag as a function of time, s, agrees with one of the true lines.
 
-        Compared at the quarters of each piece between steps.
+        They are compared at the quarters of each piece between steps.
         """
 
         def agrees(piece: Piece) -> bool:
@@ -142,12 +142,12 @@ class Trial:
 
     def names_all(self, lags: Iterable[float]) -> bool:
         """Return whether all lags that a sure answer must name are among these."""
-        told = list(lags)
-        return all(any(abs(one - other) <= self.tolerance for other in told) for one in self.named)
+        given = list(lags)
+        return all(any(abs(one - other) <= self.tolerance for other in given) for one in self.named)
 
 
 def at_places(sound: Vector, places: Vector) -> Vector:
-    """Return a sound at rising places, oversampled eight times; nothing above 0.93 of half its rate is kept."""
+    """Return a sound at ascending places, interpolated after oversampling by eight, up to 0.93 of half its rate."""
     first = max(0, int(places[0]) - MARGIN)
     near = sound[first : int(places[-1]) + MARGIN]
     size = int(fft.next_fast_len(near.size + 256))
@@ -160,10 +160,10 @@ def at_places(sound: Vector, places: Vector) -> Vector:
     return np.asarray(fine[index] * (1 - rest) + fine[index + 1] * rest)
 
 
-def two_places(
+def recorded_twice(
     source: Source, sizes: tuple[int, int], rate: float, lag: float, random: Random, ppm: float = 0.0
 ) -> Pair:
-    """Return one sound recorded twice, `lag` samples later the second time, by a clock that is `ppm` faster."""
+    """Return a sound recorded twice, `lag` samples later by recorder 2, whose clock is `ppm` faster."""
     before = MARGIN + max(0, int(lag))
     places = np.asarray(before + (np.arange(sizes[1]) - lag) / (1 + ppm * 1e-6), dtype=np.float64)
     sound = source(max(before + sizes[0], int(places[-1])) + MARGIN, rate, random)
@@ -171,7 +171,7 @@ def two_places(
 
 
 def in_a_room(sound: Vector, rate: float, random: Random) -> Vector:
-    """Return a sound with echoes, sparse at first, that decay by 60 dB in 0.1 to 0.6 s."""
+    """Return a sound with echoes that are sparse at first and decay by 60 dB in 0.1 to 0.6 s."""
     size = int(random.uniform(0.1, 0.6) * rate)
     time = np.arange(size)
     echoes = random.normal(size=size) * 10 ** (-3 * time / size)
@@ -183,7 +183,7 @@ def in_a_room(sound: Vector, rate: float, random: Random) -> Vector:
 
 
 def by_microphone(sound: Vector, rate: float, random: Random) -> Vector:
-    """Return a sound as one of four microphones records it: as it is, in a narrower band, overdriven, or coloured."""
+    """Return a sound as recorded by one of four microphones: unchanged, band-limited, overdriven, or coloured."""
     kind = random.integers(4)
     if kind == 0:
         return sound
@@ -196,12 +196,12 @@ def by_microphone(sound: Vector, rate: float, random: Random) -> Vector:
     return np.asarray(heard)
 
 
-COLOURS = (0.0, 0.7, 0.95)
-"""Coefficients of the noises of recorders and their surroundings, from white to a rumble."""
+NOISE_COLOURS = (0.0, 0.7, 0.95)
+"""Coefficients of the noise of recorders and their surroundings, from white to a rumble."""
 
 
-def with_noise(sound: Vector, decibels: float, random: Random, colours: tuple[float, ...] = COLOURS) -> Vector:
-    """Return a sound with noise of its own, so many decibels below it."""
+def with_noise(sound: Vector, decibels: float, random: Random, colours: tuple[float, ...] = NOISE_COLOURS) -> Vector:
+    """Return a sound with independent noise, `decibels` below it."""
     level = sound.std() * 10 ** (-decibels / 20)
     return np.asarray(sound + level * red(sound.size, random.choice(colours), random))
 
@@ -211,14 +211,14 @@ def sign(random: Random) -> int:
     return int(random.choice([-1, 1]))
 
 
-def usual_pair(
-    random: Random, decibels: tuple[float, float], sources: tuple[Source, ...] = SPREAD
+def typical_pair(
+    random: Random, decibels: tuple[float, float], sources: tuple[Source, ...] = NOT_REPETITIVE
 ) -> tuple[Pair, float, float]:
-    """Return 2 to 6 s of one sound recorded twice, each with its own noise; their rate and their lag."""
+    """Return 2 to 6 s of a sound recorded twice, each with its own noise; the rate, and the lag."""
     rate = float(random.choice([8000, 16000]))
     size = int(random.uniform(2, 6) * rate)
     lag = random.uniform(-0.2, 0.2) * size
-    one, other = two_places(one_of(sources, random), (size, size), rate, lag, random)
+    one, other = recorded_twice(one_of(sources, random), (size, size), rate, lag, random)
     return (
         (with_noise(one, random.uniform(*decibels), random), with_noise(other, random.uniform(*decibels), random)),
         rate,
@@ -227,11 +227,11 @@ def usual_pair(
 
 
 def rooms(random: Random) -> Trial:
-    """Two microphones in a room, each with echoes, noise and a character of its own."""
+    """Two microphones in a room, with different echoes, noise and frequency responses."""
     rate = float(random.choice([8000, 16000, 44100]))
     size = int(random.uniform(2, 8) * rate)
     lag = random.uniform(-0.3, 0.3) * size
-    pair = two_places(one_of(SOUNDS, random), (size, size), rate, lag, random)
+    pair = recorded_twice(one_of(SOUNDS, random), (size, size), rate, lag, random)
     heard = [by_microphone(in_a_room(one, rate, random), rate, random) for one in pair]
     noisy = [with_noise(one, random.uniform(-5, 6), random) for one in heard]
     # The sparse echoes of the first milliseconds may be louder than the direct sound.
@@ -239,11 +239,11 @@ def rooms(random: Random) -> Trial:
 
 
 def excerpts(random: Random) -> Trial:
-    """Half a second to three seconds out of a longer recording, by another microphone."""
+    """Half a second to three seconds of a longer recording, by another microphone."""
     rate = float(random.choice([8000, 16000]))
     sizes = int(random.uniform(8, 25) * rate), int(random.uniform(0.5, 3) * rate)
     lag = -float(random.integers(0, sizes[0] - sizes[1]))
-    one, other = two_places(one_of(SOUNDS, random), sizes, rate, lag, random)
+    one, other = recorded_twice(one_of(SOUNDS, random), sizes, rate, lag, random)
     other = by_microphone(other, rate, random)
     noisy = [with_noise(sound, random.uniform(-2, 12), random) for sound in (one, other)]
     return Trial(noisy, rate, (lag,), tolerance=3)
@@ -254,7 +254,7 @@ def different_lengths(random: Random) -> Trial:
     rate = 8000.0
     short = int(random.uniform(0.3, 0.7) * rate)
     lag = -float(random.integers(0, 99 * short))
-    pair = two_places(one_of(SPREAD, random), (100 * short, short), rate, lag, random)
+    pair = recorded_twice(one_of(NOT_REPETITIVE, random), (100 * short, short), rate, lag, random)
     long_one, short_one = (with_noise(sound, random.uniform(6, 20), random) for sound in pair)
     if random.random() < 0.5:
         return Trial((short_one, long_one), rate, (-lag,))
@@ -275,13 +275,13 @@ def short(random: Random) -> Trial:
         add(sound, MARGIN + size // 2 + max(0, int(lag)) - length // 2, call)
         return sound + 1e-3 * random.normal(size=size_of_source)
 
-    pair = two_places(noise if random.random() < 0.7 else chirp, (size, size), rate, lag, random)
+    pair = recorded_twice(noise if random.random() < 0.7 else chirp, (size, size), rate, lag, random)
     noisy = [with_noise(sound, random.uniform(6, 30), random, (0.0,)) for sound in pair]
     return Trial(noisy, rate, (lag,), tolerance=1.5)
 
 
 def narrow_bands(random: Random) -> Trial:
-    """Noise of a band of 5 to 30 % of its frequency: the next cycle fits nearly as well."""
+    """Noise in a band of 5 to 30 % of its frequency: the next cycle fits almost as well."""
     rate = float(random.choice([8000, 16000, 32000]))
     size = int(random.uniform(1, 5) * rate)
     middle = random.uniform(0.08, 0.42) * rate
@@ -292,7 +292,7 @@ def narrow_bands(random: Random) -> Trial:
         return np.asarray(signal.sosfilt(band, random.normal(size=size)))
 
     lag, quiet = random.uniform(-0.2, 0.2) * size, random.uniform(3, 40)
-    pair = two_places(source, (size, size), rate, lag, random)
+    pair = recorded_twice(source, (size, size), rate, lag, random)
     noisy = [with_noise(one, quiet, random, (0.0,)) for one in pair]
     return Trial(noisy, rate, (lag,), tolerance=max(0.6, 0.25 * rate / middle))
 
@@ -309,31 +309,31 @@ def calls(random: Random) -> Trial:
         return chirps(size, rate, *band, seconds, random)
 
     lag, level = random.uniform(-0.12, 0.12) * size, 10 ** (random.uniform(10, 30) / 20)
-    pair = two_places(source, (size, size), rate, lag, random)
+    pair = recorded_twice(source, (size, size), rate, lag, random)
     noisy = [level * one / np.abs(one).max() + random.normal(size=size) for one in pair]
     return Trial(noisy, rate, (lag,))
 
 
 def pulse_train(places: Vector, size: int, width: float, boxes: bool = False) -> Vector:
-    """Return a pulse at each of the places: a Gaussian of standard deviation `width`, or a box as wide, samples."""
+    """Return a pulse at each place: a Gaussian of standard deviation `width`, or a box of that width, samples."""
     train, reach = np.zeros(size), int(5 * width) + 2
     for place in places.tolist():
         near = np.arange(max(0, int(place) - reach), max(0, min(size, int(place) + reach + 1)))
-        away = near - place
-        train[near] += (away >= 0) & (away < width) if boxes else np.exp(-0.5 * (away / width) ** 2)
+        offset = near - place
+        train[near] += (offset >= 0) & (offset < width) if boxes else np.exp(-0.5 * (offset / width) ** 2)
     return train
 
 
 def by_two_recorders(places: Vector, size: int, rate: float, lag: float, ppm: float, random: Random) -> list[Vector]:
-    """Return pulses of 1 to 50 ms at places of the first recorder, as recorded by two with clocks of their own."""
+    """Return pulses of 1 to 50 ms at places in recording 1, as recorded by two recorders with different clocks."""
     width = max(1.0, 10 ** random.uniform(-3, -1.3) * rate)
     boxes, noise = random.random() < 0.5, 10 ** (-random.uniform(12, 60) / 20)
-    trains = [pulse_train(seen, size, width, boxes) for seen in (places, lag + places * (1 + ppm * 1e-6))]
+    trains = [pulse_train(recorded, size, width, boxes) for recorded in (places, lag + places * (1 + ppm * 1e-6))]
     return [train + noise * random.normal(size=size) for train in trains]
 
 
 def regular_pulses(random: Random) -> Trial:
-    """A regular pulse by two clocks: every period is as good."""
+    """A regular pulse, recorded by two clocks: every period fits equally well."""
     rate = float(random.choice([250, 1000, 8000]))
     size = int((random.uniform(20, 200) if rate < 8000 else 10) * rate)
     period = rate * (random.uniform(0.3, 1.5) if rate < 8000 else random.uniform(0.1, 0.3))
@@ -344,7 +344,7 @@ def regular_pulses(random: Random) -> Trial:
 
 
 def random_triggers(random: Random) -> Trial:
-    """Pulses at random intervals by two clocks that differ by up to 500 ppm, for one to six minutes."""
+    """Pulses at random intervals over one to six minutes, recorded by two clocks that differ by up to 500 ppm."""
     rate = float(random.choice([250, 1000]))
     size = int(random.uniform(60, 360) * rate)
     lag, ppm = random.uniform(-0.15, 0.15) * size, float(random.choice([0, 30, 100, 250, 500]) * sign(random))
@@ -354,11 +354,11 @@ def random_triggers(random: Random) -> Trial:
 
 
 def by_two_clocks(ppm: float, random: Random) -> Trial:
-    """Return 15 to 60 s of a sound by two clocks that differ by `ppm`."""
+    """Return 15 to 60 s of a sound, recorded by two clocks that differ by `ppm`."""
     rate = 8000.0
     size = int(random.uniform(15, 60) * rate)
     lag, quiet = random.uniform(-0.2, 0.2) * size, random.uniform(3, 25)
-    pair = two_places(one_of(SPREAD, random), (size, size), rate, lag, random, ppm)
+    pair = recorded_twice(one_of(NOT_REPETITIVE, random), (size, size), rate, lag, random, ppm)
     return Trial([with_noise(one, quiet, random) for one in pair], rate, (lag,), ppm=ppm)
 
 
@@ -368,12 +368,12 @@ def drifting_clocks(random: Random) -> Trial:
 
 
 def clocks_far_apart(random: Random) -> Trial:
-    """Two clocks that differ by 1,000 to 10,000 ppm, 1 %, over 15 to 60 s."""
+    """Two clocks that differ by 1,000 to 10,000 ppm (1 %), over 15 to 60 s."""
     return by_two_clocks(sign(random) * random.uniform(1_000, 10_000), random)
 
 
 def interrupted(ppm: float, random: Random) -> Trial:
-    """Return 15 to 40 s of a sound by two clocks; one to three times, 20 ms to half a second are missing in either."""
+    """Return 15 to 40 s of a sound by two clocks, with one to three gaps of 20 ms to 0.5 s in either."""
     rate, growth = 8000.0, ppm * 1e-6
     size, start = int(random.uniform(15, 40) * rate), int(random.integers(-2000, 2001))
     count = int(random.integers(1, 4))
@@ -381,17 +381,17 @@ def interrupted(ppm: float, random: Random) -> Trial:
     steps, missing = [], 0.0
     for number in range(count):
         place = (number + random.uniform(0.8, 1.2)) * size / (count + 1)
-        gone = int(random.uniform(0.02, 0.5) * rate)
+        gap = int(random.uniform(0.02, 0.5) * rate)
         lag = start + growth * place + missing * (1 + growth)
         if random.random() < 0.5:
-            heard[0][int(place) :] += gone
-            missing += gone
+            heard[0][int(place) :] += gap
+            missing += gap
         else:
-            heard[1][int(place + lag) :] += gone
-            missing -= gone
+            heard[1][int(place + lag) :] += gap
+            missing -= gap
         steps.append((place, start + growth * place + missing * (1 + growth)))
     before = 2 * MARGIN
-    sound = one_of(SPREAD, random)(before + int(max(places[-1] for places in heard)) + MARGIN, rate, random)
+    sound = one_of(NOT_REPETITIVE, random)(before + int(max(places[-1] for places in heard)) + MARGIN, rate, random)
     decibels = random.uniform(6, 25)
     noisy = [with_noise(at_places(sound, before + places), decibels, random) for places in heard]
     return Trial(noisy, rate, (float(start),), ppm=ppm, steps=tuple(steps))
@@ -408,8 +408,8 @@ def drift_and_dropped_buffers(random: Random) -> Trial:
 
 
 def silent_gaps(random: Random) -> Trial:
-    """Each recorder writes zeros, or its last value, for a while, and is offset by a constant; the lag stays."""
-    (one, other), rate, lag = usual_pair(random, (6, 25))
+    """Each recorder writes zeros or its last value for a while, and has an offset; the lag does not change."""
+    (one, other), rate, lag = typical_pair(random, (6, 25))
     gappy = []
     for sound in (one, other):
         with_gaps = sound + random.uniform(-2, 2) * sound.std()
@@ -424,7 +424,7 @@ def common_noise(random: Random) -> Trial:
     """Two microphones on one recorder, which adds the same hum or noise to both, 0 to 15 dB below the sound."""
     rate = 16_000.0
     size, lag = int(random.uniform(2, 6) * rate), float(sign(random) * random.integers(4, 400))
-    pair = two_places(one_of(SPREAD, random), (size, size), rate, lag, random)
+    pair = recorded_twice(one_of(NOT_REPETITIVE, random), (size, size), rate, lag, random)
     level = pair[0].std()
     own = red(size, random.choice([0, 0.9]), random) if random.random() < 0.7 else hum(size, rate, random)
     own *= level / own.std() * 10 ** (-random.uniform(0, 15) / 20)
@@ -432,22 +432,22 @@ def common_noise(random: Random) -> Trial:
     return Trial(noisy, rate, (lag, 0.0), "any", named=(lag,))
 
 
-def tone(pitch: float, size: int, rate: float, later: float, levels: Vector, random: Random) -> Vector:
-    """Return harmonics of `pitch` Hz from `later` seconds on."""
-    return harmonics(np.asarray(2 * np.pi * pitch * (np.arange(size) / rate + later)), levels, random)
+def tone(pitch: float, size: int, rate: float, start: float, levels: Vector, random: Random) -> Vector:
+    """Return harmonics of `pitch` Hz from `start` seconds on."""
+    return harmonics(np.asarray(2 * np.pi * pitch * (np.arange(size) / rate + start)), levels, random)
 
 
-def hum(size: int, rate: float, random: Random, later: float = 0.0) -> Vector:
-    """Return mains hum from `later` seconds on: 50 Hz and its harmonics."""
+def hum(size: int, rate: float, random: Random, start: float = 0.0) -> Vector:
+    """Return mains hum from `start` seconds on: 50 Hz and its harmonics."""
     count = min(7, int(0.4 * rate // 50))
-    return tone(50, size, rate, later, random.uniform(0.1, 1, count), random)
+    return tone(50, size, rate, start, random.uniform(0.1, 1, count), random)
 
 
 def louder_echo(random: Random) -> Trial:
-    """The second microphone hears a reflection louder than the direct sound."""
+    """The second microphone records a reflection louder than the direct sound."""
     rate = 16_000.0
     size, lag, later = int(random.uniform(2, 6) * rate), int(random.integers(-200, 200)), int(random.integers(60, 1500))
-    sound = one_of(SPREAD, random)(size + 2 * MARGIN, rate, random)
+    sound = one_of(NOT_REPETITIVE, random)(size + 2 * MARGIN, rate, random)
     direct, reflected = (sound[MARGIN - one : MARGIN - one + size] for one in (lag, lag + later))
     heard = random.uniform(0.4, 0.7) * direct + reflected
     pair = with_noise(sound[MARGIN : MARGIN + size], 20, random), with_noise(heard, 20, random)
@@ -455,7 +455,7 @@ def louder_echo(random: Random) -> Trial:
 
 
 def jingle_heard_twice(random: Random) -> Trial:
-    """A jingle that occurs twice: in recording 2 alone, so that two lags are true, or in the scene that both record."""
+    """A jingle that occurs twice: in recording 2 only, so that two lags are true, or in the scene that both record."""
     rate = 8000.0
     jingle = music(int(random.uniform(1, 3) * rate), rate, random)
     size = int(random.uniform(8, 20) * rate)
@@ -480,15 +480,15 @@ def jingle_heard_twice(random: Random) -> Trial:
         return sound
 
     lag = random.uniform(-0.15, 0.15) * size
-    pair = two_places(scene, (size, size), rate, lag, random)
+    pair = recorded_twice(scene, (size, size), rate, lag, random)
     return Trial([with_noise(one, random.uniform(6, 20), random) for one in pair], rate, (lag,))
 
 
 def low_passed_sensor(random: Random) -> Trial:
-    """A sensor that is deaf to high frequencies, such as one behind a wall, beside one that hears all."""
-    pair, rate, lag = usual_pair(random, (6, 25), (speech, crowd, music, traffic, wind, rain, workshop, white))
+    """A sensor without high frequencies, such as one behind a wall, and one with all."""
+    pair, rate, lag = typical_pair(random, (6, 25), (speech, crowd, music, traffic, wind, rain, workshop, white))
     edge = random.uniform(0.02, 0.1) * rate
-    # Forwards and backwards: no delay of its own.
+    # Forwards and backwards, so that the filter has no delay.
     dull = signal.sosfiltfilt(signal.butter(int(random.integers(1, 4)), edge, fs=rate, output="sos"), pair[0])
     dull = with_noise(np.asarray(dull), random.uniform(10, 30), random, (0.0,))
     tolerance = max(2.0, 0.1 * rate / edge)
@@ -499,28 +499,28 @@ def low_passed_sensor(random: Random) -> Trial:
 
 def inverted_polarity(random: Random) -> Trial:
     """One microphone is wired the wrong way round."""
-    (one, other), rate, lag = usual_pair(random, (3, 20))
+    (one, other), rate, lag = typical_pair(random, (3, 20))
     return Trial((one, -other), rate, (lag,), "any")
 
 
 def tones(random: Random) -> Trial:
-    """One tone with up to four harmonics, of any period, recorded twice: every period is as good."""
+    """One tone of any period with up to four harmonics, recorded twice: every period fits equally well."""
     rate = float(random.choice([8000, 44100]))
     size, pitch = int(random.uniform(1, 4) * rate), random.uniform(50, 0.4 * rate)
     levels = np.array([1.0, *random.uniform(0, 1, 3)])[: max(1, int(random.integers(0, 5)))]
     levels = levels[: max(1, int(0.45 * rate // pitch))]
     noise, seed = random.choice([0, 0.1, 1]), random.integers(2**32)
-    # The same seed: harmonics of both recordings keep their phases to each other.
+    # The same seed, so that the harmonics have the same relative phases in both recordings.
     pair = [
-        tone(pitch, size, rate, later, levels, np.random.default_rng(seed))
-        for later in (0.0, random.uniform(0, 1 / pitch))
+        tone(pitch, size, rate, start, levels, np.random.default_rng(seed))
+        for start in (0.0, random.uniform(0, 1 / pitch))
     ]
     return Trial([one + noise * random.normal(size=size) for one in pair], rate, (), "ambiguous")
 
 
 def offset_and_wander(random: Random) -> Trial:
-    """A constant up to a hundred times the sound, and a baseline that wanders, different in each recording."""
-    pair, rate, lag = usual_pair(random, (6, 25))
+    """An offset up to a hundred times the sound and a wandering baseline, different in each recording."""
+    pair, rate, lag = typical_pair(random, (6, 25))
     moved = []
     for sound in pair:
         level, turns = sound.std(), int(random.integers(2, 12))
@@ -532,8 +532,8 @@ def offset_and_wander(random: Random) -> Trial:
 
 
 def clipped(random: Random) -> Trial:
-    """One recording, or both, overdriven: cut off at 10 to 50 % of the peak."""
-    pair, rate, lag = usual_pair(random, (3, 20))
+    """One recording, or both, clipped at 10 to 50 % of the peak."""
+    pair, rate, lag = typical_pair(random, (3, 20))
     limits = [random.uniform(0.1, 0.5) * np.abs(sound).max() for sound in pair]
     if random.random() < 0.5:
         limits[0] = np.inf
@@ -541,25 +541,25 @@ def clipped(random: Random) -> Trial:
 
 
 def eight_bits(random: Random) -> Trial:
-    """Whole numbers of -128 to 127, of a recording that used all of them or few."""
-    pair, rate, lag = usual_pair(random, (3, 20))
+    """Integers from -128 to 127, in a recording that uses all or few of them."""
+    pair, rate, lag = typical_pair(random, (3, 20))
     steps = [min(random.choice([1.0, 3.0, 127.0]), 127 * sound.std() / np.abs(sound).max()) for sound in pair]
     coarse = [np.clip(np.round(step * sound / sound.std()), -128, 127) for sound, step in zip(pair, steps, strict=True)]
     return Trial(coarse, rate, (lag,))
 
 
 def loggers(random: Random) -> Trial:
-    """Two sensors of one heart, walk, sea or earthquake: 25 to 500 samples a second for half a minute to five."""
+    """Two sensors of one heart, walk, sea or earthquake: 25 to 500 samples a second over 0.5 to 5 minutes."""
     source = one_of(SLOW_SIGNALS, random)
     rate = float(random.choice([250, 500] if source is heartbeats else [25, 50, 100]))
     size = int(random.uniform(30, 300) * rate)
     lag = random.uniform(-0.15, 0.15) * size
-    pair = two_places(source, (size, size), rate, lag, random)
+    pair = recorded_twice(source, (size, size), rate, lag, random)
     noisy = [random.uniform(0.1, 50) * with_noise(one, random.uniform(6, 25), random, (0.0, 0.7)) for one in pair]
     return Trial(noisy, rate, (lag,))
 
 
-STRANGERS: tuple[Source, ...] = (*SOUNDS, birds, bang, walk)
+UNRELATED_SOURCES: tuple[Source, ...] = (*SOUNDS, birds, bang, walk)
 
 
 def unrelated(pair: Sequence[Vector], rate: float) -> Trial:
@@ -571,7 +571,7 @@ def unrelated_sounds(random: Random) -> Trial:
     """Two recordings of any two sounds."""
     rate = float(random.choice([8000, 16000]))
     sizes = (int(random.uniform(1, 8) * rate) for _ in range(2))
-    return unrelated([one_of(STRANGERS, random)(size, rate, random) for size in sizes], rate)
+    return unrelated([one_of(UNRELATED_SOURCES, random)(size, rate, random) for size in sizes], rate)
 
 
 def unrelated_noise(random: Random) -> Trial:
@@ -600,7 +600,7 @@ def unrelated_calls(random: Random) -> Trial:
 
 
 def unrelated_pulses(random: Random) -> Trial:
-    """Two regular pulses of different periods, a regular one and random ones, two hearts, or two walkers' sensors."""
+    """Two regular pulse trains of different periods, a regular and a random one, or two hearts."""
     rate = 250.0
     size = int(random.uniform(20, 120) * rate)
     if random.random() < 0.4:
@@ -624,7 +624,7 @@ def unrelated_slow_signals(random: Random) -> Trial:
 
 
 def one_hum(random: Random) -> Trial:
-    """Two unrelated sounds with the hum of one mains, 20 dB below to 6 dB above them."""
+    """Two unrelated sounds with the same mains hum, 20 dB below to 6 dB above them."""
     rate = float(random.choice([8000, 16000]))
     size, seed = int(random.uniform(1, 8) * rate), random.integers(2**32)
     mixed = []

@@ -1,4 +1,4 @@
-"""What template search answers where the truth is known, beside OpenCV: found and right, at a wrong place, absent."""
+"""Results of template search with known truth, compared with OpenCV: found, found at a wrong place, found absent."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ TRIALS = 15
 """Searches of each kind."""
 
 SEED = 1_000_000
-"""Of the first; those below may be looked at while the search is worked on."""
+"""Seed of the first search; smaller seeds may be used while the search is being developed."""
 
 THRESHOLD = 0.8
-"""Least score of a match of OpenCV's."""
+"""Least score of a match by OpenCV."""
 
-MUSTS: dict[str, tuple[float, tuple[str, ...]]] = {
+REQUIRED: dict[str, tuple[float, tuple[str, ...]]] = {
     "photographs and screens": (
         98,
         (
@@ -44,17 +44,20 @@ MUSTS: dict[str, tuple[float, tuple[str, ...]]] = {
     "silhouettes": (90, ("silhouettes",)),
     "copies counted exactly": (95, ("copies", "rows of a list")),
 }
-"""Least share of searches of these kinds that are found and right, %."""
+"""{name: (least share of searches that must be found correctly, %; their kinds)}."""
 
-MOST_ABSENT, MOST_WRONG = 1.0, 0.5
-"""Largest share of absent templates found, and of searches that found a wrong place, %."""
+MAX_ABSENT_PERCENT = 1.0
+"""Largest share of absent templates that are found, %."""
+
+MAX_WRONG_PERCENT = 0.5
+"""Largest share of searches that find a wrong place, %."""
 
 Outcome = Literal["right", "wrong", "missed", "absent found"]
 
 
 @dataclass(frozen=True)
 class Answer:
-    """All places named, best first; empty if the template is said not to be there."""
+    """All places found, best first; empty if the template is reported as absent."""
 
     places: tuple[Place, ...]
     reason: str
@@ -63,7 +66,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Judged:
-    """What became of one search."""
+    """The outcomes of one search, ours and OpenCV's."""
 
     kind: str
     seed: int
@@ -75,7 +78,7 @@ class Judged:
 
 
 def our_answer(given: Trial) -> Answer:
-    """Return the answer of :func:`stereolag.match_template`, or the sentence that refuses the search."""
+    """Return the answer of :func:`stereolag.match_template`, or its error message."""
     start = time.perf_counter()
     try:
         search = match_template(given.picture, given.template, mask=given.mask, **given.options)
@@ -93,7 +96,7 @@ def our_answer(given: Trial) -> Answer:
 
 
 def their_answer(given: Trial) -> Answer:
-    """Return the places of OpenCV's score above the threshold, each the highest within half a template about it."""
+    """Return the places at which OpenCV's score exceeds the threshold and is the highest within half a template."""
     start = time.perf_counter()
     picture, template, mask = given.picture, given.template, given.mask
     if mask is None and template.ndim == 3 and template.shape[2] == 4:
@@ -125,21 +128,21 @@ def their_answer(given: Trial) -> Answer:
 
 
 def outcome(given: Trial, answer: Answer, posed: bool) -> Outcome:
-    """Return what an answer is; `posed`: whether it tells sizes and angles."""
-    left, shape, wrong = list(given.places), given.picture.shape, 0
+    """Return the outcome of an answer; `posed`: whether it has sizes and angles."""
+    missing, shape, wrong = list(given.places), given.picture.shape, 0
     for named in answer.places:
-        near = [one for one in left if one.is_near(named, shape) and (not posed or one.has_pose(named))]
+        near = [one for one in missing if one.is_near(named, shape) and (not posed or one.has_pose(named))]
         if near:
-            left.remove(near[0])
+            missing.remove(near[0])
         elif answer.reason.startswith("clear") or not any(one.is_near(named, shape) for one in given.pale):
             wrong += 1
     if wrong:
         return "wrong" if given.places else "absent found"
-    return "missed" if left else "right"
+    return "missed" if missing else "right"
 
 
 def judged(kind: str, seed: int) -> Judged:
-    """Return what becomes of one search."""
+    """Return the outcomes of one search."""
     given = trial(kind, seed)
     ours, theirs = our_answer(given), their_answer(given)
     places = "; ".join(f"({one.row:.0f}, {one.col:.0f})" for one in ours.places[:4])
@@ -149,18 +152,18 @@ def judged(kind: str, seed: int) -> Judged:
         present=bool(given.places),
         ours=outcome(given, ours, posed=True),
         theirs=outcome(given, theirs, posed=False),
-        said=f"{len(ours.places)} of {len(given.places)} named [{places}], {ours.reason}; true {_told(given.places)}",
+        said=f"{len(ours.places)} of {len(given.places)} named [{places}], {ours.reason}; true {_words(given.places)}",
         seconds=ours.seconds,
     )
 
 
-def _told(places: Sequence[Place]) -> str:
+def _words(places: Sequence[Place]) -> str:
     first = [f"({one.row:.0f}, {one.col:.0f}) × {one.scale:.2f}, {one.rotation:+.0f}°" for one in places[:2]]
     return "; ".join(first) if first else "none"
 
 
 def judged_trials(kinds: Sequence[str], seeds: Sequence[int], jobs: int) -> Iterator[Judged]:
-    """Yield what becomes of the searches of these kinds with these seeds, computed by so many processes."""
+    """Yield the outcomes of the searches of these kinds with these seeds, computed by `jobs` processes."""
     pairs = [(kind, seed) for kind in kinds for seed in seeds]
     if jobs == 1:
         yield from starmap(judged, pairs)
@@ -172,7 +175,7 @@ def judged_trials(kinds: Sequence[str], seeds: Sequence[int], jobs: int) -> Iter
 def rocketman_table(
     kinds: Sequence[str] = tuple(KINDS), *, trials: int = TRIALS, seed: int = SEED, jobs: int = 1
 ) -> tuple[str, list[dict[str, Any]]]:
-    """Return what becomes of searches of each kind as Markdown, with the faults one by one, and as figures."""
+    """Return the outcomes of searches of each kind as Markdown, with each fault, and as figures."""
     kinds = [kind for kind in kinds if kind != "public pictures" or DATA.is_dir()]
     every = list(judged_trials(kinds, range(seed, seed + trials), jobs))
     lines = [
@@ -208,7 +211,7 @@ def _cells(judged: Sequence[Judged]) -> list[str]:
 
 
 def _musts(judged: Sequence[Judged]) -> Iterator[str]:
-    """Yield a row for each share that is required, of the kinds that were tried."""
+    """Yield a row for each required share of the kinds that were tried."""
 
     def row(name: str, of: Sequence[Judged], results: tuple[Outcome, ...], must: str) -> str:
         shares = (
@@ -217,11 +220,11 @@ def _musts(judged: Sequence[Judged]) -> Iterator[str]:
         )
         return f"| {name} | " + " | ".join(f"{100 * share:.1f} %" for share in shares) + f" | {must} |"
 
-    for name, (least, kinds) in MUSTS.items():
+    for name, (least, kinds) in REQUIRED.items():
         of = [one for one in judged if one.kind in kinds]
         if of:
             yield row(f"{name}: found, right", of, ("right",), f"≥ {least:g} %")
     absent = [one for one in judged if not one.present]
     if absent:
-        yield row("absent, found", absent, ("absent found",), f"≤ {MOST_ABSENT:g} %")
-    yield row("found at a wrong place", judged, ("wrong",), f"≤ {MOST_WRONG:g} %")
+        yield row("absent, found", absent, ("absent found",), f"≤ {MAX_ABSENT_PERCENT:g} %")
+    yield row("found at a wrong place", judged, ("wrong",), f"≤ {MAX_WRONG_PERCENT:g} %")

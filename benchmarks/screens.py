@@ -1,7 +1,7 @@
-"""Pictures that users search: drawn screens with icons, text and lists, photographs, landscapes, terrain and objects.
+"""Pictures in which users search: screens with icons, text and lists, photographs, landscapes, terrain and objects.
 
-Screens are drawn from a layout, at any size of the display and with icons at any part of a pixel; two screens of one
-layout differ only in the widgets that were exchanged.
+Screens are drawn from a layout, at any scale of the display and with icons shifted by any part of a pixel; two screens
+of one layout differ only in the widgets that were exchanged.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ Array: TypeAlias = npt.NDArray[Any]
 Random: TypeAlias = np.random.Generator
 Colour: TypeAlias = tuple[int, int, int]
 
-FINER = 8
+OVERSAMPLING = 8
 """Subpixels of a drawn shape along each axis of a pixel."""
 
 UNIT = 24
-"""Side of the square in which glyphs are drawn."""
+"""Side of the square in which glyphs are defined."""
 
 
 # --- Glyphs ---------------------------------------------------------------------------------------------------------
@@ -38,7 +38,7 @@ UNIT = 24
 
 @dataclass(frozen=True)
 class Stroke:
-    """A line along (x, y) points of the unit square, a closed one, or the area within it."""
+    """An open or closed line through (x, y) points of a square of side :data:`UNIT`, or the area within it."""
 
     points: Array
     form: Literal["line", "loop", "area"]
@@ -202,13 +202,13 @@ FAMILIES: tuple[tuple[str, ...], ...] = (
     ("stop", "pause", "record"),
     ("clock", "circle check", "circle cross"),
 )
-"""Glyphs that look alike."""
+"""Groups of glyphs that look similar."""
 
 
 def siblings(name: str) -> list[str]:
-    """Return the other glyphs of the families of one, or all if it has no family."""
-    near = {one for family in FAMILIES if name in family for one in family} - {name}
-    return sorted(near or set(GLYPHS) - {name})
+    """Return the other glyphs of a glyph's families, or all other glyphs if it has no family."""
+    similar = {one for family in FAMILIES if name in family for one in family} - {name}
+    return sorted(similar or set(GLYPHS) - {name})
 
 
 def coverage(
@@ -219,22 +219,22 @@ def coverage(
     weight: float = 2.0,
     turned: float = 0.0,
 ) -> Array:
-    """Return how much of each pixel a glyph covers, 0..1.
+    """Return the share of each pixel that a glyph covers, 0..1.
 
     `at` is the (row, col) of its top-left corner, `size` its side in pixels, `weight` the width of its lines in units,
-    `turned` its rotation counter-clockwise as seen about the middle of its square, degrees.
+    `turned` its counter-clockwise rotation about the centre of its square, degrees.
     """
-    fine = np.zeros((shape[0] * FINER, shape[1] * FINER), np.uint8)
+    fine = np.zeros((shape[0] * OVERSAMPLING, shape[1] * OVERSAMPLING), np.uint8)
     cos, sin = np.cos(np.radians(turned)), np.sin(np.radians(turned))
     turn = np.array([[cos, -sin], [sin, cos]])
     for path in glyph:
         middle = (path.points - UNIT / 2) @ turn
-        points = ((middle + UNIT / 2) * size / UNIT + (at[1], at[0])) * FINER - 0.5
+        points = ((middle + UNIT / 2) * size / UNIT + (at[1], at[0])) * OVERSAMPLING - 0.5
         rounded = [np.rint(points * 16).astype(np.int32)]
         if path.form == "area":
             cv2.fillPoly(fine, rounded, 255, shift=4)
         else:
-            thick = max(1, round(weight * size / UNIT * FINER))
+            thick = max(1, round(weight * size / UNIT * OVERSAMPLING))
             cv2.polylines(fine, rounded, path.form == "loop", 255, thick, shift=4)
     return np.asarray(cv2.resize(fine, shape[::-1], interpolation=cv2.INTER_AREA) / np.float32(255))
 
@@ -242,12 +242,12 @@ def coverage(
 @cache
 def is_symmetric(name: str) -> bool:
     """Return whether a glyph is its own mirror image."""
-    seen = coverage(GLYPHS[name], (48, 48), 48)
-    return bool(np.abs(seen - seen[:, ::-1]).mean() < 0.04 * seen.mean())
+    cover = coverage(GLYPHS[name], (48, 48), 48)
+    return bool(np.abs(cover - cover[:, ::-1]).mean() < 0.04 * cover.mean())
 
 
 def paint(picture: Array, cover: Array, colour: Sequence[float] | Array, row: int, col: int) -> None:
-    """Paint a colour, or one for each pixel, over a part of a picture, in place; what falls outside is left out."""
+    """Paint a colour, or one for each pixel, over a part of a picture, in place, clipped at its borders."""
     top, left = max(0, row), max(0, col)
     bottom, right = min(picture.shape[0], row + cover.shape[0]), min(picture.shape[1], col + cover.shape[1])
     if bottom <= top or right <= left:
@@ -288,7 +288,7 @@ class Icon:
 
 @dataclass(frozen=True)
 class Text:
-    """A line of text from its top-left corner on."""
+    """A line of text, placed by its top-left corner."""
 
     row: float
     col: float
@@ -299,7 +299,7 @@ class Text:
 
 @dataclass(frozen=True)
 class Lamp:
-    """A round lamp with a rim and a gleam."""
+    """A round lamp with a rim and a highlight."""
 
     row: float
     col: float
@@ -308,20 +308,20 @@ class Lamp:
 
 
 @dataclass(frozen=True)
-class Shown:
-    """A photograph, or part of one, of 100 %."""
+class Photograph:
+    """A photograph, or part of one, at 100 %."""
 
     row: float
     col: float
     picture: Array
 
 
-Part: TypeAlias = Panel | Icon | Text | Lamp | Shown
+Part: TypeAlias = Panel | Icon | Text | Lamp | Photograph
 
 
 @dataclass(frozen=True)
 class Widget:
-    """Parts that belong together, in their box; those of one `key` look the same but for size and colour."""
+    """Parts that belong together, in their box; widgets with the same `key` differ only in size and colour."""
 
     key: str
     row: float
@@ -349,12 +349,12 @@ PALETTE: dict[str, Colour] = {
     "orange": (225, 130, 20),
     "grey": (125, 125, 125),
 }
-"""Colours that no one confuses."""
+"""Colours that are easy to distinguish."""
 
 
 @dataclass(frozen=True)
 class Theme:
-    """The look of a screen."""
+    """The colours and glyphs of a screen."""
 
     back: Colour
     card: Colour
@@ -367,17 +367,17 @@ class Theme:
 
 
 def theme(random: Random) -> Theme:
-    """Return a light look or a dark one."""
+    """Return a light or a dark theme."""
     dark = random.random() < 0.3
     level = int(random.integers(25, 50) if dark else random.integers(225, 246))
     card = level + 14 if dark else 255
     ink = int(random.integers(190, 240) if dark else random.integers(15, 70))
     colours = [(ink, ink, ink)] if random.random() < 0.5 else [*PALETTE.values()]
     accent = tuple(int(one) for one in random.integers(20, 190, 3))
-    # Families come as a whole, so that there are siblings.
-    chosen: list[str] = list(random.choice(sorted(OTHERS), 18, replace=False))
+    # Whole families, so that there are siblings.
+    glyphs: list[str] = list(random.choice(sorted(OTHERS), 18, replace=False))
     for index in random.choice(len(FAMILIES), 6, replace=False).tolist():
-        chosen += FAMILIES[index]
+        glyphs += FAMILIES[index]
     return Theme(
         back=(level, level, level + int(random.integers(0, 5))),
         card=(card, card, card),
@@ -386,12 +386,12 @@ def theme(random: Random) -> Theme:
         accent=accent,  # type: ignore[arg-type]
         icons=tuple(colours),
         weight=float(random.uniform(1.4, 2.4)),
-        glyphs=tuple(dict.fromkeys(chosen)),
+        glyphs=tuple(dict.fromkeys(glyphs)),
     )
 
 
 def icon_at(name: str, row: float, col: float, size: float, look: Theme, colour: Colour, frame: float = 0.0) -> Widget:
-    """Return an icon, in a frame that is so much larger on each side if it is given."""
+    """Return an icon; if `frame` is above 0, in a frame that is larger by so many px on each side."""
     inner = Icon(row + frame, col + frame, size, name, colour, look.weight)
     side = size + 2 * frame
     framed = (Panel(row, col, side, side, look.card, look.border, 4),) if frame else ()
@@ -401,7 +401,7 @@ def icon_at(name: str, row: float, col: float, size: float, look: Theme, colour:
 def button_at(
     text: str, row: float, col: float, height: float, width: float, look: Theme, fill: Colour | None = None
 ) -> Widget:
-    """Return a button with a text in its middle, of the accent's or another colour."""
+    """Return a button with centred text, filled with a colour or that of a card."""
     colour = look.ink if fill is None else (255, 255, 255)
     panel = Panel(row, col, height, width, fill or look.card, look.border if fill is None else None, 4)
     size = 0.46 * height
@@ -422,7 +422,7 @@ def text_width(text: str, size: float) -> float:
 
 @cache
 def text_cover(text: str, size: float) -> Array:
-    """Return how much of each pixel a text covers, from its top-left corner on."""
+    """Return the share of each pixel that a text covers, from its top-left corner on."""
     tile = Image.new("L", (int(font(size).getlength(text)) + 4, int(1.4 * size) + 2), 0)
     ImageDraw.Draw(tile).text((1, 0), text, fill=255, font=font(size))
     return np.asarray(tile, np.float32) / 255
@@ -440,7 +440,7 @@ def _colour(random: Random, look: Theme) -> Colour:
 
 
 def icon_block(random: Random, look: Theme, row: float, col: float, height: float, width: float) -> Iterator[Widget]:
-    """A grid of icons, framed or not, of which a few are left out."""
+    """A grid of icons, framed or not, with a few gaps."""
     size = float(random.choice([20, 24, 32]))
     frame = float(random.choice([0, 6, 10]))
     pitch = size + 2 * frame + float(random.integers(4, 16))
@@ -490,8 +490,8 @@ def photograph_block(
 ) -> Iterator[Widget]:
     """Part of a photograph."""
     size = int(min(height, random.integers(90, 180))), int(min(width, random.integers(120, 240)))
-    seen = part_of(photograph(random), size, random)
-    yield Widget("photograph", row, col, *seen.shape[:2], (Shown(row, col, seen),))
+    picture = part_of(photograph(random), size, random)
+    yield Widget("photograph", row, col, *picture.shape[:2], (Photograph(row, col, picture),))
 
 
 BLOCKS: tuple[Block, ...] = (icon_block, icon_block, list_block, button_block, text_block, photograph_block)
@@ -506,8 +506,8 @@ class Layout:
     look: Theme
     widgets: tuple[Widget, ...]
 
-    def only_ones(self) -> list[Widget]:
-        """Return the widgets of which there is but one that looks so."""
+    def unique_widgets(self) -> list[Widget]:
+        """Return the widgets that look like no other."""
         counts = Counter(one.key for one in self.widgets)
         return [one for one in self.widgets if counts[one.key] == 1 and one.height < 60 and one.key != "panel"]
 
@@ -515,7 +515,7 @@ class Layout:
         return replace(self, widgets=tuple(new if one is old else one for one in self.widgets))
 
     def drawn(self, scale: float = 1.0, shift: tuple[float, float] = (0.0, 0.0)) -> Array:
-        """Return the screen at a size of the display, its icons (row, col) pixels off the grid."""
+        """Return the screen at a scale of the display, with its icons shifted by (row, col) pixels."""
         picture = np.empty((round(self.rows * scale), round(self.cols * scale), 3), np.uint8)
         picture[:] = self.look.back
         for widget in self.widgets:
@@ -525,7 +525,7 @@ class Layout:
 
 
 def draw(picture: Array, part: Part, scale: float, shift: tuple[float, float]) -> None:
-    """Draw one part of a widget, in place; whole pixels but for `shift`."""
+    """Draw one part of a widget, in place, at whole pixels but for `shift`."""
     row, col = round(part.row * scale), round(part.col * scale)
     if isinstance(part, Panel):
         height, width = round((part.row + part.height) * scale) - row, round((part.col + part.width) * scale) - col
@@ -553,13 +553,13 @@ def draw(picture: Array, part: Part, scale: float, shift: tuple[float, float]) -
             paint(picture, coverage(glyph, (side, side), part.size * scale, at), colour, row - 1, col - 1)
     else:
         size = round(part.picture.shape[1] * scale), round(part.picture.shape[0] * scale)
-        seen = part.picture if scale == 1 else cv2.resize(part.picture, size, interpolation=cv2.INTER_LINEAR)
-        paint(picture, np.ones(seen.shape[:2], np.float32), seen, row, col)
+        resized = part.picture if scale == 1 else cv2.resize(part.picture, size, interpolation=cv2.INTER_LINEAR)
+        paint(picture, np.ones(resized.shape[:2], np.float32), resized, row, col)
 
 
 @cache
 def rounded(height: int, width: int, radius: float) -> Array:
-    """Return how much of each pixel a rectangle with round corners covers."""
+    """Return the share of each pixel that a rectangle with rounded corners covers."""
     rows, cols = np.arange(height) + 0.5, np.arange(width) + 0.5
     down = np.maximum(0, radius - np.minimum(rows, height - rows))[:, None]
     across = np.maximum(0, radius - np.minimum(cols, width - cols))
@@ -599,52 +599,59 @@ def layout(random: Random, rows: int = 0, cols: int = 0) -> Layout:
 
 # --- Photographs, landscapes, terrain -------------------------------------------------------------------------------
 
-SAMPLES = ("astronaut.png", "chelsea.png", "coffee.png", "rocket.jpg", "ihc.png", "hubble_deep_field.jpg",
-           "retina.jpg", "camera.png", "coins.png", "brick.png", "grass.png", "gravel.png", "moon.png",
-           "motorcycle_left.png")  # fmt: skip
-"""Photographs that come with scikit-image."""
+SAMPLE_PICTURES = (
+    "astronaut.png", "chelsea.png", "coffee.png", "rocket.jpg", "ihc.png", "hubble_deep_field.jpg", "retina.jpg",
+    "camera.png", "coins.png", "brick.png", "grass.png", "gravel.png", "moon.png", "motorcycle_left.png",
+)  # fmt: skip
+"""Photographs that are part of scikit-image."""
 
-STREETS = ("kitti2015_000046/left.png", "drivingstereo_00/left.jpg", "drivingstereo_06/left.jpg",
-           "drivingstereo_12/left.jpg", "drivingstereo_18/left.jpg")  # fmt: skip
-STILLS = ("tsukuba/left.png", "teddy/left.png", "cones/left.png", "aloe_half/left.png", "report_rubiks/left.jpg",
-          "report_block/left.jpg", "report_giraffe/left.jpg")  # fmt: skip
-"""Photographs at :data:`benchmarks.pairs.DATA`, if they are there."""
+STREET_PICTURES = (
+    "kitti2015_000046/left.png", "drivingstereo_00/left.jpg", "drivingstereo_06/left.jpg", "drivingstereo_12/left.jpg",
+    "drivingstereo_18/left.jpg",
+)  # fmt: skip
+"""Photographs of streets in :data:`benchmarks.pairs.DATA`, if available."""
+
+STILL_PICTURES = (
+    "tsukuba/left.png", "teddy/left.png", "cones/left.png", "aloe_half/left.png", "report_rubiks/left.jpg",
+    "report_block/left.jpg", "report_giraffe/left.jpg",
+)  # fmt: skip
+"""Other photographs there."""
 
 
 @cache
 def photographs(streets: bool = False) -> tuple[Array, ...]:
-    """Return all photographs at hand as (rows, cols, 3) uint8, or those of streets alone."""
+    """Return all available photographs as (rows, cols, 3) uint8, or those of streets only."""
     folder = Path(skimage.__file__).parent / "data"
-    paths = [DATA / "stereo" / name for name in STREETS]
+    paths = [DATA / "stereo" / name for name in STREET_PICTURES]
     if not streets:
-        paths += [folder / name for name in SAMPLES] + [DATA / "stereo" / name for name in STILLS]
-    seen = (read_image(path) for path in paths if path.is_file())
-    return tuple(np.dstack([one] * 3) if one.ndim == 2 else np.ascontiguousarray(one[:, :, :3]) for one in seen)
+        paths += [folder / name for name in SAMPLE_PICTURES] + [DATA / "stereo" / name for name in STILL_PICTURES]
+    pictures = (read_image(path) for path in paths if path.is_file())
+    return tuple(np.dstack([one] * 3) if one.ndim == 2 else np.ascontiguousarray(one[:, :, :3]) for one in pictures)
 
 
 def photograph(random: Random, rows: int = 480, cols: int = 640) -> Array:
-    """Return a photograph, or part of one, of at most so many rows and columns."""
+    """Return a photograph, or part of one, of at most `rows` rows and `cols` columns."""
     every = photographs()
     return part_of(every[int(random.integers(len(every)))], (rows, cols), random)
 
 
 def part_of(picture: Array, shape: tuple[int, int], random: Random) -> Array:
-    """Return a part of a picture at a random place, of this shape or of that of the picture if it is smaller."""
-    height, width = (min(wanted, there) for wanted, there in zip(shape, picture.shape, strict=False))
+    """Return a part of a picture at a random place, of this shape or smaller if the picture is."""
+    height, width = (min(size, side) for size, side in zip(shape, picture.shape, strict=False))
     row = int(random.integers(picture.shape[0] - height + 1))
     col = int(random.integers(picture.shape[1] - width + 1))
     return picture[row : row + height, col : col + width].copy()
 
 
 def has_detail(picture: Array) -> bool:
-    """Return whether there is something to see in at least seven of the nine thirds of a picture."""
+    """Return whether at least seven of nine equal parts of a picture have contrast."""
     grey = picture.astype(np.float32).mean(axis=2) if picture.ndim == 3 else picture.astype(np.float32)
-    thirds = [part for band in np.array_split(grey, 3) for part in np.array_split(band, 3, axis=1)]
-    return sum(float(part.std()) > 8 for part in thirds) >= 7
+    ninths = [part for band in np.array_split(grey, 3) for part in np.array_split(band, 3, axis=1)]
+    return sum(float(part.std()) > 8 for part in ninths) >= 7
 
 
 def detailed_place(picture: Array, height: int, width: int, random: Random) -> tuple[int, int]:
-    """Return the (row, col) of a part with something to see, or of the last one tried."""
+    """Return the (row, col) of a part with detail, or of the last part tried."""
     for _ in range(100):
         row = int(random.integers(picture.shape[0] - height + 1))
         col = int(random.integers(picture.shape[1] - width + 1))
@@ -654,7 +661,7 @@ def detailed_place(picture: Array, height: int, width: int, random: Random) -> t
 
 
 def fractal(rows: int, cols: int, slope: float, random: Random) -> Array:
-    """Return noise whose amplitude falls with this power of its frequency: mean 0, standard deviation 1."""
+    """Return noise of mean 0 and standard deviation 1 whose amplitude falls with this power of its frequency."""
     frequency = np.hypot(np.fft.fftfreq(rows)[:, None], np.fft.rfftfreq(cols))
     frequency[0, 0] = np.inf
     spectrum = np.fft.rfft2(random.normal(size=(rows, cols))) * frequency**-slope
@@ -663,13 +670,13 @@ def fractal(rows: int, cols: int, slope: float, random: Random) -> Array:
 
 
 def landscape(random: Random, rows: int, cols: int) -> Array:
-    """Return a landscape: a sky with clouds, ridges one before the other, a meadow, perhaps houses and a sun."""
+    """Return a landscape: a sky with clouds, overlapping ridges, a meadow, perhaps houses and a sun."""
     sky = np.linspace(*random.uniform(110, 235, (2, 3)), rows) + np.array([0, 5, 25])
     picture = np.repeat(sky[:, None], cols, axis=1) + 8 * fractal(rows, cols, 1.5, random)[:, :, None]
     if random.random() < 0.4:
         at = random.uniform(0, rows / 3), random.uniform(0, cols)
-        away = np.hypot(np.arange(rows)[:, None] - at[0], np.arange(cols) - at[1])
-        picture += np.exp(-((away / random.uniform(8, 30)) ** 2))[:, :, None] * [90, 80, 20]
+        distance = np.hypot(np.arange(rows)[:, None] - at[0], np.arange(cols) - at[1])
+        picture += np.exp(-((distance / random.uniform(8, 30)) ** 2))[:, :, None] * [90, 80, 20]
     horizon, ridges = random.uniform(0.3, 0.55) * rows, int(random.integers(2, 5))
     for index in range(ridges):
         top = horizon + (rows - horizon) * index / (ridges + 0.5)
@@ -689,7 +696,7 @@ def landscape(random: Random, rows: int, cols: int) -> Array:
 
 
 def product(random: Random) -> tuple[tuple[Glyph, Colour], ...]:
-    """Return the layers of a label: its ground, two or three shapes, and a bar at one end, so that it has an upside."""
+    """Return the layers of a label: its ground, a bar at one end, so that no rotation repeats it, and some shapes."""
     grounds = random.permutation([*PALETTE.values(), (235, 205, 60), (240, 240, 235), (35, 35, 45)])
     high = random.uniform(14, 20)
     top = (UNIT - high) / 2
@@ -712,7 +719,7 @@ def product(random: Random) -> tuple[tuple[Glyph, Colour], ...]:
 def put(
     picture: Array, layers: Sequence[tuple[Glyph, Colour]], row: float, col: float, size: float, turned: float
 ) -> None:
-    """Paint layers of a size, turned about their middle, which comes to (row, col), in place."""
+    """Paint layers of a size, in place, with their centre at (row, col), and turned about it."""
     reach = int(0.75 * size) + 2
     top, left = int(row) - reach, int(col) - reach
     at = row - top - size / 2, col - left - size / 2
@@ -721,7 +728,7 @@ def put(
 
 
 def sprite(random: Random, softness: float) -> tuple[Array, Array]:
-    """Return a coloured blob with a glyph in it, and its alpha 0..1, which falls off over so many pixels."""
+    """Return a coloured blob with a glyph in it, and its alpha, 0..1, which falls off over `softness` pixels."""
     height, width = (int(one) for one in random.integers(36, 90, 2))
     rows, cols = np.mgrid[:height, :width] + 0.5
     angle = np.arctan2(rows - height / 2, cols - width / 2)

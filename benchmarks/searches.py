@@ -1,18 +1,18 @@
-"""Searches of a template with known truth, of the kinds that users bring; every search is drawn from its kind and seed.
+"""Template searches with known truth, of the kinds that users bring, each generated from its kind and a seed.
 
-They are drawn without knowledge of how the search works. The rules of truth:
+They are independent of how the search works. The rules of truth:
 
-- A place is right if the middle of its visible part is, to 2 px or 4 % of its side; with sizes and angles searched,
-  also its size to 5 % and its angle to 5 degrees, of small ones to 1.5 px at their sides.
-- All places that hold the template must be named, and no other: one sibling among 30 copies is a place that is wrong,
-  one copy too few is a miss.
+- A place is right if the centre of its visible part is right to 2 px or 4 % of its side; if sizes and angles are
+  searched, also its size to 5 % and its angle to 5 degrees, or to 1.5 px at the sides of a small template.
+- All places that show the template must be named, and no others: one sibling among 30 copies is a wrong place, one copy
+  too few is a miss.
 - A sibling (another mark in the same outline, another word on the same button), a mirror image, another colour of the
-  same thing, another landscape: not the template, whatever it correlates at. White balance, gain and gamma of the whole
-  picture, compression, noise and parts of a pixel leave it the template.
-- A pale (disabled) form alone is found rightly only with a reason other than "clear"; it may also be not found. Beside
-  the normal form, only that is right.
-- A template that is partly covered or partly outside the picture is there. An icon is never covered: with its mark
-  covered, nobody can tell it from its sibling.
+  same object and another landscape are not the template, whatever their correlation. Changes of white balance, gain
+  and gamma of the whole picture, compression, noise and a shift by part of a pixel leave it the template.
+- A pale (disabled) form alone is found correctly only with a reason other than "clear"; it may also be not found.
+  Beside the normal form, only the latter is right.
+- A template that is partly covered or partly outside the picture is present. An icon is never covered: with its mark
+  covered, nobody could distinguish it from its sibling.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ from stereolag.samples import mazes
 
 @dataclass(frozen=True)
 class Place:
-    """The upright box of a template in the picture, also of what is outside; px, its size over its own, degrees."""
+    """The upright box of a template, including any part outside the picture, px; its scale, and its angle, degrees."""
 
     row: float
     col: float
@@ -80,13 +80,13 @@ class Place:
     rotation: float = 0.0
 
     def middle(self, shape: Sequence[int]) -> tuple[float, float]:
-        """Return the middle of what is visible in a picture of this shape."""
+        """Return the centre of the part that is visible in a picture of this shape."""
         ends = ((self.row, self.height, shape[0]), (self.col, self.width, shape[1]))
         row, col = ((max(0.0, start) + min(start + size, end)) / 2 for start, size, end in ends)
         return row, col
 
     def is_near(self, other: Place, shape: Sequence[int]) -> bool:
-        """Return whether another place has the same middle, to 2 px or 4 % of this one's side."""
+        """Return whether another place has the same centre, to 2 px or 4 % of the side of this place."""
         here, there = self.middle(shape), other.middle(shape)
         sides = self.height, self.width
         return all(abs(a - b) <= max(2.0, 0.04 * side) for a, b, side in zip(here, there, sides, strict=True))
@@ -100,14 +100,14 @@ class Place:
 
 @dataclass(frozen=True)
 class Trial:
-    """A picture, a template, and all places where it is.
+    """A picture, a template, and all places that show it.
 
     Attributes
     ----------
     picture, template, mask, options
         Arguments of :func:`stereolag.match_template`.
     places
-        Those of the template; none if it is not there.
+        The places of the template; none if it is absent.
     pale
         Places of a pale form, which may be named with a reason other than "clear".
     """
@@ -122,14 +122,18 @@ class Trial:
 
 Kind: TypeAlias = Callable[[Random], Trial]
 
-SCALES, ROTATIONS = (0.7, 1.4), (-30.0, 30.0)
+SCALES = (0.7, 1.4)
+"""Range of sizes searched, relative to the template's own."""
+
+ROTATIONS = (-30.0, 30.0)
+"""Range of angles searched, degrees."""
 
 
 # --- Ways to alter a picture ------------------------------------------------------------------------------------------
 
 
 def as_jpeg(picture: Array, quality: int) -> Array:
-    """Return a picture as compressed by JPEG."""
+    """Return a picture after JPEG compression."""
     shown = picture[:, :, ::-1] if picture.ndim == 3 else picture
     _, data = cv2.imencode(".jpg", np.ascontiguousarray(shown), [cv2.IMWRITE_JPEG_QUALITY, quality])
     read = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
@@ -137,12 +141,12 @@ def as_jpeg(picture: Array, quality: int) -> Array:
 
 
 def noisy(picture: Array, sigma: float, random: Random) -> Array:
-    """Return a picture with noise of this standard deviation."""
+    """Return a picture with Gaussian noise of this standard deviation."""
     return np.asarray(np.clip(np.rint(picture + random.normal(scale=sigma, size=picture.shape)), 0, 255), np.uint8)
 
 
-def by_a_camera(picture: Array, random: Random) -> Array:
-    """Return a picture as it is, as JPEG, with noise, or brighter or darker and paler."""
+def degraded(picture: Array, random: Random) -> Array:
+    """Return a picture unchanged, compressed as JPEG, with noise, or with less contrast and another brightness."""
     way = int(random.integers(4))
     if way == 1:
         return as_jpeg(picture, int(random.integers(40, 96)))
@@ -154,7 +158,7 @@ def by_a_camera(picture: Array, random: Random) -> Array:
 
 
 def in_other_light(picture: Array, random: Random) -> Array:
-    """Return a picture with gains and offsets of its own for each channel."""
+    """Return a picture with another gain and offset in each channel."""
     gains = random.uniform(0.72, 1, 3)
     return np.asarray(np.rint(picture * gains / gains.max() * 0.95 + random.uniform(0, 12, 3)).clip(0, 255), np.uint8)
 
@@ -163,32 +167,26 @@ def in_other_light(picture: Array, random: Random) -> Array:
 
 
 def cut(picture: Array, place: Place) -> Array:
-    """Return what is in a place of whole pixels."""
+    """Return the pixels of a place in whole pixels."""
     row, col = int(place.row), int(place.col)
     return picture[row : row + int(place.height), col : col + int(place.width)].copy()
 
 
 def box(widget: Widget, scale: float, margin: int, shape: Sequence[int]) -> Place:
-    """Return the whole pixels of a widget and a margin, cut off at the picture's borders."""
+    """Return the place of a widget with a margin, in whole pixels, within the picture."""
     top, left = (max(0, int(np.floor(start * scale)) - margin) for start in (widget.row, widget.col))
     bottom = min(shape[0], int(np.ceil((widget.row + widget.height) * scale)) + margin)
     right = min(shape[1], int(np.ceil((widget.col + widget.width) * scale)) + margin)
     return Place(top, left, bottom - top, right - left)
 
 
-def chosen(screen: Layout, random: Random, wanted: Callable[[Widget], bool] = lambda _: True) -> Widget | None:
-    """Return one of the widgets of which there is only one, or None."""
-    every = [one for one in screen.only_ones() if wanted(one)]
-    return every[int(random.integers(len(every)))] if every else None
-
-
-def screen_with(random: Random, wanted: Callable[[Widget], bool] = lambda _: True) -> tuple[Layout, Widget]:
-    """Return a screen and one of its widgets of which there is only one."""
+def screen_with(random: Random, is_suitable: Callable[[Widget], bool] = lambda _: True) -> tuple[Layout, Widget]:
+    """Return a screen and one of its unique widgets that is suitable."""
     while True:
         screen = layout(random)
-        widget = chosen(screen, random, wanted)
-        if widget is not None:
-            return screen, widget
+        widgets = [one for one in screen.unique_widgets() if is_suitable(one)]
+        if widgets:
+            return screen, widgets[int(random.integers(len(widgets)))]
 
 
 def is_icon(widget: Widget) -> bool:
@@ -200,7 +198,7 @@ def is_word(widget: Widget) -> bool:
 
 
 def is_filled(widget: Widget) -> bool:
-    """Return whether a widget is white on a colour."""
+    """Return whether a widget has white text on a colour."""
     return any(isinstance(part, Text) and part.colour == (255, 255, 255) for part in widget.parts)
 
 
@@ -226,7 +224,7 @@ def with_colour(widget: Widget, colour: Callable[[Colour], Colour]) -> Widget:
 
 
 def piece(random: Random, low: int = 48, high: int = 150) -> tuple[Array, Place]:
-    """Return a photograph and a place with something to see in it."""
+    """Return a photograph and a place in it with detail."""
     while True:
         picture = photograph(random)
         place = place_in(picture, random, low, high)
@@ -235,7 +233,7 @@ def piece(random: Random, low: int = 48, high: int = 150) -> tuple[Array, Place]
 
 
 def place_in(picture: Array, random: Random, low: int = 48, high: int = 150) -> Place:
-    """Return a place with something to see in a picture, or the last one tried."""
+    """Return a place with detail in a picture, or the last place tried."""
     height, width = (int(random.integers(low, max(low + 1, min(high, side // 2)))) for side in picture.shape[:2])
     return Place(*detailed_place(picture, height, width, random), height, width)
 
@@ -267,7 +265,7 @@ def screens(random: Random) -> Trial:
 
 
 def screens_as_jpeg(random: Random) -> Trial:
-    """The same of a screen compressed by JPEG of quality 40 to 95."""
+    """The same for a screen compressed by JPEG of quality 40 to 95."""
     given = screens(random)
     return replace(given, picture=as_jpeg(given.picture, int(random.integers(40, 96))))
 
@@ -285,7 +283,7 @@ def screens_at_other_sizes(random: Random) -> Trial:
 def photographs_as_taken(random: Random) -> Trial:
     """A part of a photograph, in that photograph as JPEG, with noise, or in other light."""
     picture, place = piece(random)
-    return Trial(by_a_camera(picture, random), cut(picture, place), (place,))
+    return Trial(degraded(picture, random), cut(picture, place), (place,))
 
 
 def photographs_turned_and_resized(random: Random) -> Trial:
@@ -306,7 +304,7 @@ def photographs_turned_and_resized(random: Random) -> Trial:
         if left >= 0 and top >= 0 and right <= size[0] and bottom <= size[1]:
             there = Place(top, left, bottom - top, right - left, scale, rotation)
             options = {"scales": SCALES, "rotations": ROTATIONS}
-            return Trial(by_a_camera(turned, random), cut(picture, place), (there,), options=options)
+            return Trial(degraded(turned, random), cut(picture, place), (there,), options=options)
 
 
 def photographs_without_room(random: Random) -> Trial:
@@ -316,24 +314,24 @@ def photographs_without_room(random: Random) -> Trial:
     height, width = (int(share * side) for share, side in zip(shares, picture.shape, strict=False))
     row, col = detailed_place(picture, height, width, random)
     place = Place(row, col, height, width)
-    return Trial(by_a_camera(picture, random), cut(picture, place), (place,))
+    return Trial(degraded(picture, random), cut(picture, place), (place,))
 
 
 # --- Parts of a pixel, light ------------------------------------------------------------------------------------------
 
 
 def icons_off_the_grid(random: Random) -> Trial:
-    """An icon, in a screen whose icons are a quarter to three quarters of a pixel further."""
+    """An icon, in a screen whose icons are shifted by a quarter to three quarters of a pixel."""
     return _off_the_grid(random, is_icon)
 
 
 def symmetric_icons_off_the_grid(random: Random) -> Trial:
-    """The same of icons that are their own mirror image."""
+    """The same for icons that are their own mirror image."""
     return _off_the_grid(random, lambda one: is_icon(one) and is_symmetric(one.key))
 
 
-def _off_the_grid(random: Random, wanted: Callable[[Widget], bool]) -> Trial:
-    screen, widget = screen_with(random, wanted)
+def _off_the_grid(random: Random, is_suitable: Callable[[Widget], bool]) -> Trial:
+    screen, widget = screen_with(random, is_suitable)
     down, right = (float(random.uniform(0.25, 0.75)) for _ in range(2))
     shift = ((0.0, right), (down, 0.0), (down, right))[int(random.integers(3))]
     plain = screen.drawn()
@@ -342,13 +340,13 @@ def _off_the_grid(random: Random, wanted: Callable[[Widget], bool]) -> Trial:
 
 
 def other_white_balance(random: Random) -> Trial:
-    """A part of a photograph or a screen, with gains and offsets of each channel."""
+    """A part of a photograph or a screen, with another gain and offset in each channel."""
     picture, place = piece(random) if random.random() < 0.6 else screen_piece(random)
     return Trial(in_other_light(picture, random), cut(picture, place), (place,))
 
 
 def icons_in_other_white_balance(random: Random) -> Trial:
-    """An icon or a word, in its screen with gains and offsets of each channel."""
+    """An icon or a word, in its screen with another gain and offset in each channel."""
     screen, widget = screen_with(random)
     picture = screen.drawn()
     place = box(widget, 1, int(random.integers(1, 5)), picture.shape)
@@ -372,14 +370,14 @@ def covered_by_10_to_30_percent(random: Random) -> Trial:
 
 
 def covered_by_30_to_40_percent(random: Random) -> Trial:
-    """The same of 30 to 40 %."""
+    """The same with 30 to 40 % covered."""
     return _covered(random, 0.3, 0.4)
 
 
-def _covered(random: Random, least: float, most: float) -> Trial:
+def _covered(random: Random, min_share: float, max_share: float) -> Trial:
     picture, place = piece(random, 60) if random.random() < 0.5 else screen_piece(random)
     template, shown = cut(picture, place), picture.copy()
-    share, way = random.uniform(least, most), int(random.integers(3))
+    share, way = random.uniform(min_share, max_share), int(random.integers(3))
     height, width = int(place.height), int(place.width)
     if way == 0 and random.random() < 0.5:
         tall, wide = height, round(share * width)
@@ -414,14 +412,14 @@ def outside_by_5_to_30_percent(random: Random) -> Trial:
 
 
 def outside_by_30_to_50_percent(random: Random) -> Trial:
-    """The same of 30 to 50 %."""
+    """The same with 30 to 50 % outside."""
     return _outside(random, 0.3, 0.5)
 
 
-def _outside(random: Random, least: float, most: float) -> Trial:
+def _outside(random: Random, min_share: float, max_share: float) -> Trial:
     while True:
         picture, place = piece(random) if random.random() < 0.6 else screen_piece(random)
-        share = random.uniform(least, most)
+        share = random.uniform(min_share, max_share)
         corner = random.random() < 0.3
         split = random.uniform(0.2, 0.8) if corner else float(random.integers(2))
         inside = (1 - share) ** split, (1 - share) ** (1 - split)
@@ -437,9 +435,9 @@ def _outside(random: Random, least: float, most: float) -> Trial:
             ends.append((first, last))
         (top, bottom), (left, right) = ends
         shown = picture[top:bottom, left:right].copy()
-        seen = picture[max(top, int(place.row)) : bottom, max(left, int(place.col)) : right]
-        seen = seen[: int(place.height), : int(place.width)]
-        if shown.shape[0] > place.height and shown.shape[1] > place.width and has_detail(seen):
+        visible = picture[max(top, int(place.row)) : bottom, max(left, int(place.col)) : right]
+        visible = visible[: int(place.height), : int(place.width)]
+        if shown.shape[0] > place.height and shown.shape[1] > place.width and has_detail(visible):
             there = replace(place, row=place.row - top, col=place.col - left)
             return Trial(shown, cut(picture, place), (there,))
 
@@ -475,21 +473,21 @@ def text_cursors(random: Random) -> Trial:
     return Trial(shown, cut(picture, place), (place,))
 
 
-def _pixels(widget: Widget, beyond: int = 0) -> tuple[slice, slice]:
-    """Return the rows and columns of a widget and so many pixels around it."""
+def _pixels(widget: Widget, margin: int = 0) -> tuple[slice, slice]:
+    """Return the rows and columns of a widget with a margin, px."""
     first, last = (int(widget.row), int(widget.col)), (widget.row + widget.height, widget.col + widget.width)
     rows, cols = (
-        slice(max(0, start - beyond), int(np.ceil(end)) + beyond) for start, end in zip(first, last, strict=True)
+        slice(max(0, start - margin), int(np.ceil(end)) + margin) for start, end in zip(first, last, strict=True)
     )
     return rows, cols
 
 
 POINTER = ("1 1", "1 17", "5 13.5", "8 20", "10.5 19", "7.5 12.5", "12.5 12.5")
-"""The corners of an arrow, x and y, px."""
+"""The corners of a mouse pointer, x and y, px."""
 
 
 def mouse_pointers(random: Random) -> Trial:
-    """A part of a screen or a photograph, with the arrow of the mouse over it."""
+    """A part of a screen or a photograph, with a mouse pointer over it."""
     picture, place = screen_piece(random) if random.random() < 0.6 else piece(random, 60)
     shown, scale = picture.copy(), float(random.choice([1, 1.25, 1.5]))
     corners = np.array([corner.split() for corner in POINTER], float) * scale
@@ -503,7 +501,7 @@ def mouse_pointers(random: Random) -> Trial:
 
 
 def selected(random: Random) -> Trial:
-    """A word, a button or a part of a screen, tinted as what is selected is: all of it, or its rows or columns."""
+    """A word, a button or a part of a screen, tinted as if selected: all of it, or some of its rows or columns."""
     picture, place = _word_or_piece(random)
     shown, colour = picture.copy(), random.uniform([0, 60, 150], [90, 150, 255])
     rows = slice(int(place.row), int(place.row + place.height))
@@ -518,17 +516,17 @@ def selected(random: Random) -> Trial:
 
 
 def focus_rings(random: Random) -> Trial:
-    """A button or a word within a ring, or a dotted line, as what has the focus is."""
+    """A button or a word within a ring or a dotted line, as if it had the focus."""
     screen, widget = screen_with(random, is_word)
     picture = screen.drawn()
     margin = int(random.integers(3, 7))
     place = box(widget, 1, margin, picture.shape)
-    shown, thick, away = picture.copy(), int(random.integers(1, 3)), int(random.integers(0, 3))
+    shown, thickness, gap = picture.copy(), int(random.integers(1, 3)), int(random.integers(0, 3))
     colour = random.uniform([0, 60, 150], [90, 150, 255])
-    rows, cols = _pixels(widget, away + thick)
+    rows, cols = _pixels(widget, gap + thickness)
     ring = np.zeros(shown.shape[:2], bool)
     ring[rows, cols] = True
-    ring[_pixels(widget, away)] = False
+    ring[_pixels(widget, gap)] = False
     if random.random() < 0.3:
         ring &= np.add.outer(np.arange(shown.shape[0]), np.arange(shown.shape[1])) % 2 == 0
     shown[ring] = colour
@@ -575,17 +573,17 @@ def drop_shadows(random: Random) -> Trial:
     )
     picture = screen.drawn()
     place = box(widget, 1, int(random.integers(2, 7)), picture.shape)
-    away: Array = np.zeros(picture.shape[:2], np.float32)
+    shadow: Array = np.zeros(picture.shape[:2], np.float32)
     down, right = int(random.integers(0, 4)), int(random.integers(-1, 3))
     rows, cols = _pixels(widget)
-    away[rows.start + down : rows.stop + down, max(0, cols.start + right) : cols.stop + right] = random.uniform(
+    shadow[rows.start + down : rows.stop + down, max(0, cols.start + right) : cols.stop + right] = random.uniform(
         0.25, 0.6
     )
-    away = np.asarray(cv2.GaussianBlur(away, (0, 0), float(random.uniform(1.5, 5))))
+    shadow = np.asarray(cv2.GaussianBlur(shadow, (0, 0), float(random.uniform(1.5, 5))))
     radius = max(part.radius for part in widget.parts if isinstance(part, Panel))
-    own = away[rows, cols]
+    own = shadow[rows, cols]
     own *= 1 - rounded(*own.shape, radius)
-    shown = np.rint(picture * (1 - away[:, :, None])).astype(np.uint8)
+    shown = np.rint(picture * (1 - shadow[:, :, None])).astype(np.uint8)
     return Trial(shown, cut(picture, place), (place,))
 
 
@@ -595,7 +593,7 @@ def _message(text: str, row: float, look: Theme, width: float) -> Widget:
     return Widget(text, row, 40, 26, width, parts)
 
 
-def _chat(random: Random, there: bool) -> Trial:
+def _chat(random: Random, is_present: bool) -> Trial:
     look = theme(random)
     texts = [" ".join(str(one) for one in random.choice(WORDS, int(random.integers(2, 6)))) for _ in range(11)]
     width = float(random.integers(220, 320))
@@ -604,11 +602,11 @@ def _chat(random: Random, there: bool) -> Trial:
     shown = Layout(380, 420, look, tuple(lines))
     picture = as_jpeg(shown.drawn(), int(random.integers(60, 81)))
     number = int(random.integers(10))
-    wanted = texts[number] if there else texts[10]
+    wanted = texts[number] if is_present else texts[10]
     at = _message(wanted, rows[number], look, width)
     place = box(at, 1, int(random.integers(0, 5)), picture.shape)
     template = cut(shown.exchanged(shown.widgets[number], at).drawn(), place)
-    return Trial(picture, template, (place,) if there else ())
+    return Trial(picture, template, (place,) if is_present else ())
 
 
 def messages(random: Random) -> Trial:
@@ -617,12 +615,12 @@ def messages(random: Random) -> Trial:
 
 
 def other_messages(random: Random) -> Trial:
-    """A message that is not in the chat, but others are in equal bubbles."""
+    """A message that is not in the chat, which has others in equal bubbles."""
     return _chat(random, False)
 
 
 def buttons_of_a_near_colour(random: Random) -> Trial:
-    """A coloured button with a white or dark word, of which only one in another hue is there."""
+    """A coloured button with a white or dark word, where there is only a button in another hue."""
     hue = float(random.uniform(0, 360))
     other = hue + float(random.choice([-1, 1])) * float(random.uniform(30, 70))
     light, vivid = float(random.uniform(0.3, 0.6)), float(random.uniform(0.5, 1))
@@ -637,11 +635,11 @@ def buttons_of_a_near_colour(random: Random) -> Trial:
     shape = 160, 300
     picture, plain = (Layout(*shape, look, (shown,)).drawn() for shown in (another, one))
     place = box(one, 1, int(random.integers(0, 5)), shape)
-    return Trial(by_a_camera(picture, random) if random.random() < 0.4 else picture, cut(plain, place), ())
+    return Trial(degraded(picture, random) if random.random() < 0.4 else picture, cut(plain, place), ())
 
 
 def grey_in_colours(random: Random) -> Trial:
-    """The grey of a part, in 8 or 16 bits, in a picture in colours of 8 or 16 bits; or the other way round."""
+    """A grey part of a colour picture, or a colour part of a grey picture, each in 8 or 16 bits."""
     picture, place = piece(random) if random.random() < 0.6 else screen_piece(random)
     grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
 
@@ -657,7 +655,7 @@ def grey_in_colours(random: Random) -> Trial:
 
 
 def _composed(random: Random, coloured: Array, alpha: Array) -> tuple[Array, Place]:
-    """Return a photograph or screen with a sprite over it where it is to be seen, and its place."""
+    """Return a photograph or screen with a sprite over it where it is visible, and its place."""
     while True:
         plain = photograph(random, 360, 480) if random.random() < 0.7 else layout(random, 360, 480).drawn()
         rooms = (side - size + 1 for side, size in zip(plain.shape, alpha.shape, strict=False))
@@ -674,7 +672,7 @@ def _with_alpha(coloured: Array, alpha: Array) -> Array:
 
 
 def soft_alpha(random: Random) -> Trial:
-    """A sprite whose alpha falls off over 1 to 12 px, or is 254 but for one pixel."""
+    """A sprite whose alpha falls off over 1 to 12 px, or is 254 in all pixels but one."""
     coloured, alpha = sprite(random, float(random.uniform(1, 12)))
     if random.random() < 0.3:
         alpha = np.minimum(alpha, 254 / 255)
@@ -684,18 +682,18 @@ def soft_alpha(random: Random) -> Trial:
 
 
 def other_sprites(random: Random) -> Trial:
-    """A sprite with soft alpha, of which only another one is in the picture."""
+    """A sprite with soft alpha, where only another sprite is in the picture."""
     given, other = soft_alpha(random), soft_alpha(random)
     return replace(given, template=other.template, places=())
 
 
 def glows(random: Random) -> Trial:
-    """A core with a glow that falls off to its border, whose alpha reaches 60 to 100 % in its middle alone."""
+    """A glow that falls off from its centre to its border, with an alpha of 60 to 100 % in the centre only."""
     side = int(random.integers(36, 100))
-    away = np.hypot(*(np.mgrid[:side, :side] - (side - 1) / 2)) / (side / 2)
-    alpha = random.uniform(0.6, 1) * np.clip(1 - away, 0, 1) ** random.uniform(0.5, 1.5)
+    distance = np.hypot(*(np.mgrid[:side, :side] - (side - 1) / 2)) / (side / 2)
+    alpha = random.uniform(0.6, 1) * np.clip(1 - distance, 0, 1) ** random.uniform(0.5, 1.5)
     inner, outer = random.uniform(170, 255, 3), random.uniform(0, 255, 3)
-    coloured = outer + (inner - outer) * np.exp(-((away / random.uniform(0.3, 0.6)) ** 2))[:, :, None]
+    coloured = outer + (inner - outer) * np.exp(-((distance / random.uniform(0.3, 0.6)) ** 2))[:, :, None]
     rays = 1 + 0.25 * np.cos(int(random.integers(2, 7)) * np.arctan2(*(np.mgrid[:side, :side] - (side - 1) / 2)))
     coloured = np.clip(coloured * rays[:, :, None], 0, 255).astype(np.uint8)
     picture, place = _composed(random, coloured, alpha.astype(np.float32))
@@ -703,7 +701,7 @@ def glows(random: Random) -> Trial:
 
 
 def blurred_masks(random: Random) -> Trial:
-    """A sprite on another ground, with a mask that is blurred or was compressed by JPEG, so that it is nowhere 0."""
+    """A sprite on another background, with a mask that is blurred or compressed by JPEG, so that it is nowhere 0."""
     coloured, alpha = sprite(random, 1.0)
     picture, place = _composed(random, coloured, alpha)
     other = cv2.resize(part_of(photograph(random), (200, 200), random), alpha.shape[::-1])
@@ -725,7 +723,7 @@ def _silhouette(random: Random) -> tuple[str, Array, Array, Callable[[str], tupl
         picture = photograph(random, 360, 480)
         row, col = (int(random.integers(side - shape[0] + 1)) for side in picture.shape[:2])
         near = picture[row : row + shape[0], col : col + shape[1]].astype(float)
-        # Against a ground of its own colour a silhouette is not to be seen.
+        # A silhouette is not visible on a background of its own colour.
         if np.percentile(np.abs(near - colour).max(axis=2), 10) > 60:
             break
 
@@ -739,14 +737,14 @@ def _silhouette(random: Random) -> tuple[str, Array, Array, Callable[[str], tupl
 
 
 def silhouettes(random: Random) -> Trial:
-    """A glyph of one colour, its shape in the alpha alone, on a photograph."""
+    """A glyph of one colour, with its shape in the alpha only, on a photograph."""
     name, place, _, drawn = _silhouette(random)
     picture, template = drawn(name)
     return Trial(picture, template, (Place(*place.tolist()),))
 
 
 def other_silhouettes(random: Random) -> Trial:
-    """A silhouette, of which only a sibling or nothing is on the photograph."""
+    """A silhouette, where only a sibling or nothing is on the photograph."""
     name, _, _, drawn = _silhouette(random)
     template = drawn(name)[1]
     picture = drawn(str(random.choice(siblings(name))))[0] if random.random() < 0.5 else photograph(random, 360, 480)
@@ -757,7 +755,7 @@ def other_silhouettes(random: Random) -> Trial:
 
 
 def copies(random: Random) -> Trial:
-    """1 to 70 equal icons among their siblings; more are wanted than there are."""
+    """1 to 70 equal icons among their siblings, with more matches requested than there are."""
     count, look = int(random.integers(1, 71)), theme(random)
     size, frame = float(random.choice([20, 24, 32])), float(random.choice([0, 0, 5, 8]))
     pitch = int(size + 2 * frame + random.integers(2, 14))
@@ -777,7 +775,7 @@ def copies(random: Random) -> Trial:
 
 
 def rows_of_a_list(random: Random) -> Trial:
-    """1 to 12 equal rows of a list, one below the other with rows of other names; more are wanted than there are."""
+    """1 to 12 equal rows of a list among rows with other names, with more matches requested than there are."""
     count, look = int(random.integers(1, 13)), theme(random)
     total, pitch = count + int(random.integers(5, 18)), int(random.integers(18, 28))
     width = int(random.integers(240, 480))
@@ -800,17 +798,17 @@ def rows_of_a_list(random: Random) -> Trial:
 
 
 def copies_at_any_angle(random: Random) -> Trial:
-    """1 to 20 equal labels at any angle on a table, also of 75 to 130 %, perhaps with others; more are wanted."""
+    """1 to 20 equal labels on a table at any angle, also of 75 to 130 %, with more matches requested than there are."""
     return _labels(random, int(random.integers(1, 21)))
 
 
 def other_labels_at_any_angle(random: Random) -> Trial:
-    """A label, of which only others are on the table."""
+    """A label, where only other labels are on the table."""
     return _labels(random, 0)
 
 
 def _labels(random: Random, count: int) -> Trial:
-    """Return a table with so many equal labels, and up to four others, at least one if there are no equal ones."""
+    """Return a table with `count` equal labels and up to four others, at least one if `count` is 0."""
     size, resized = float(random.integers(32, 50)), random.random() < 0.4
     wanted, ground = product(random), random.uniform(60, 235, 3)
     picture = np.clip(ground + 4 * fractal(440, 600, 0.5, random)[:, :, None], 0, 255).astype(np.uint8)
@@ -854,36 +852,36 @@ def the_right_one_of_siblings(random: Random) -> Trial:
     row = int(random.integers(len(names)))
     picture = given.drawn()
     place = box(given.widgets[row], 1, int(random.integers(0, 4)), picture.shape)
-    return Trial(by_a_camera(picture, random), cut(picture, place), (place,))
+    return Trial(degraded(picture, random), cut(picture, place), (place,))
 
 
 def siblings_of_icons(random: Random) -> Trial:
-    """An icon that is not on the screen, but one or more of its siblings are."""
+    """An icon that is not on the screen, which has one or more of its siblings."""
     screen, widget = screen_with(random, lambda one: is_icon(one) and bool(siblings(one.key)))
     return _exchanged(random, screen, widget, siblings(widget.key))
 
 
 def siblings_of_words(random: Random) -> Trial:
-    """A word or button that is not on the screen, but others like it are."""
+    """A word or button that is not on the screen, which has similar ones."""
     screen, widget = screen_with(random, is_word)
     long = text_width(widget.key, 13)
     return _exchanged(random, screen, widget, [one for one in WORDS if 0.8 < text_width(one, 13) / long < 1.25])
 
 
 def siblings_at_other_sizes(random: Random) -> Trial:
-    """An icon of which only siblings are on the screen, searched at 90 to 160 % of its size."""
+    """An icon with only siblings on the screen, searched at 90 to 160 % of its size."""
     given = siblings_of_icons(random)
     return replace(given, options={"scales": (0.9, 1.6)})
 
 
 def siblings_of_many(random: Random) -> Trial:
-    """An icon that is not there, of which up to 20 are wanted."""
+    """An icon that is absent, with up to 20 matches requested."""
     given = siblings_of_icons(random)
     return replace(given, options={"max_matches": int(random.integers(2, 21))})
 
 
 def siblings_without_room(random: Random) -> Trial:
-    """An icon searched in a small region about its usual place, where a sibling is."""
+    """An icon searched in a small region around its usual place, where a sibling is."""
     given = siblings_of_icons(random)
     place = given.options.pop("at")
     reach = int(random.integers(2, max(3, min(given.template.shape[:2]) // 2)))
@@ -902,8 +900,8 @@ def _exchanged(random: Random, screen: Layout, widget: Widget, names: Sequence[s
     return Trial(picture, template, (), options={"at": place})
 
 
-def _in_a_chat(random: Random, there: bool) -> Trial:
-    if there:
+def _in_a_chat(random: Random, is_present: bool) -> Trial:
+    if is_present:
         given = screens_at_other_sizes(random)
     else:
         screen, widget = screen_with(random, lambda one: is_icon(one) and one.height >= 20 and bool(siblings(one.key)))
@@ -922,12 +920,12 @@ def screens_in_a_chat(random: Random) -> Trial:
 
 
 def siblings_in_a_chat(random: Random) -> Trial:
-    """An icon of which only siblings are in such a screen."""
+    """An icon with only siblings in such a screen."""
     return _in_a_chat(random, False)
 
 
 def other_parts(random: Random) -> Trial:
-    """A part of a screen in which some of the widgets show something else, or are gone."""
+    """A part of a screen in which some widgets have been exchanged or removed."""
     while True:
         screen = layout(random)
         picture = screen.drawn()
@@ -952,7 +950,7 @@ def other_parts(random: Random) -> Trial:
 
 
 def _rows(random: Random, states: Sequence[str], part: Callable[[str, float, Theme], tuple[Part, ...]]) -> Trial:
-    """Return a list, and a row of it in another of its states."""
+    """Return a list, with one of its rows in another state as the template."""
     look = theme(random)
     words = random.choice(WORDS, 8, replace=False).tolist()
     own = [str(random.choice(states)) for _ in words]
@@ -968,11 +966,11 @@ def _rows(random: Random, states: Sequence[str], part: Callable[[str, float, The
     other = str(random.choice([state for state in states if state != own[wanted]]))
     template = drawn([*own[:wanted], other, *own[wanted + 1 :]])
     place = Place(10 + 32 * wanted, 4, 28, 232)
-    return Trial(by_a_camera(drawn(own), random), cut(template, place), ())
+    return Trial(degraded(drawn(own), random), cut(template, place), ())
 
 
 def other_states(random: Random) -> Trial:
-    """A row of a list with a switch, or a box for a check mark, of which only the other state is there."""
+    """A row of a list with a switch or a check box, where only its other state is present."""
 
     def switch(state: str, top: float, look: Theme) -> tuple[Part, ...]:
         knob = Panel(top + 6, 208 if state == "on" else 190, 16, 16, (255, 255, 255), None, 8)
@@ -988,7 +986,7 @@ def other_states(random: Random) -> Trial:
 
 
 def other_digits(random: Random) -> Trial:
-    """A row of a list with a time, of which one digit is another there."""
+    """A row of a list with a time, where one digit differs."""
 
     def clock(state: str, top: float, look: Theme) -> tuple[Part, ...]:
         return (Text(top + 6, 160, 14, state, look.ink),)
@@ -1010,7 +1008,7 @@ def _family(random: Random) -> tuple[Layout, list[str]]:
 def _coloured(
     random: Random, template: str, shown: Sequence[str], widget_of: Callable[[str, float, float], Widget]
 ) -> Trial:
-    """Return a panel with widgets of these colours, and the template of one that may be among them."""
+    """Return a panel with widgets of these colours, and one of a colour that may be among them as the template."""
     look = theme(random)
     look = replace(look, back=look.card)
     pitch = float(random.integers(60, 100))
@@ -1023,13 +1021,13 @@ def _coloured(
     places = tuple(
         box(one, 1, margin, picture.shape) for one, name in zip(widgets, shown, strict=True) if name == template
     )
-    return Trial(by_a_camera(picture, random) if random.random() < 0.4 else picture, wanted, places)
+    return Trial(degraded(picture, random) if random.random() < 0.4 else picture, wanted, places)
 
 
-def _colours(random: Random, there: bool) -> tuple[str, list[str]]:
+def _colours(random: Random, is_present: bool) -> tuple[str, list[str]]:
     names = [str(one) for one in random.permutation(sorted(PALETTE))]
     shown = [str(random.choice(names[1:])) for _ in range(int(random.integers(1, 8)))]
-    if there:
+    if is_present:
         shown.insert(int(random.integers(len(shown) + 1)), names[0])
     return names[0], shown
 
@@ -1051,17 +1049,17 @@ def _icons(random: Random) -> Callable[[str, float, float], Widget]:
 
 
 def lamps_of_another_colour(random: Random) -> Trial:
-    """A lamp, of which only other colours are on the panel."""
+    """A lamp, where only lamps of other colours are on the panel."""
     return _coloured(random, *_colours(random, False), _lamps(random))
 
 
 def buttons_of_another_colour(random: Random) -> Trial:
-    """A coloured button, of which only other colours are there, one of them grey."""
+    """A coloured button, where only buttons of other colours are present, grey among them."""
     return _coloured(random, *_colours(random, False), _buttons(random))
 
 
 def icons_of_another_colour(random: Random) -> Trial:
-    """An icon, of which only other colours are there."""
+    """An icon, where it is present in other colours only."""
     return _coloured(random, *_colours(random, False), _icons(random))
 
 
@@ -1078,7 +1076,7 @@ def _paler(screen: Layout, widget: Widget, random: Random) -> Widget:
 
 
 def disabled_alone(random: Random) -> Trial:
-    """An icon or word, of which only the pale (disabled) form is on the screen."""
+    """An icon or word, where only its pale (disabled) form is on the screen."""
     screen, widget = screen_with(random, lambda one: (is_icon(one) or is_word(one)) and not is_filled(one))
     plain = screen.drawn()
     place = box(widget, 1, int(random.integers(1, 5)), plain.shape)
@@ -1092,8 +1090,10 @@ def enabled_beside_disabled(random: Random) -> Trial:
     given = replace(given, look=replace(given.look, back=given.look.card), rows=400)
     widget = given.widgets[int(random.integers(len(names)))]
     paler = replace(_paler(given, widget, random), row=widget.row)
-    away = 200.0
-    paler = replace(paler, row=widget.row + away, parts=tuple(replace(one, row=one.row + away) for one in paler.parts))
+    below = 200.0
+    paler = replace(
+        paler, row=widget.row + below, parts=tuple(replace(one, row=one.row + below) for one in paler.parts)
+    )
     picture = replace(given, widgets=(*given.widgets, paler)).drawn()
     place = box(widget, 1, int(random.integers(1, 4)), picture.shape)
     return Trial(picture, cut(picture, place), (place,))
@@ -1121,7 +1121,7 @@ def _two_landscapes(random: Random) -> tuple[Array, Array]:
 
 
 def other_landscapes(random: Random) -> Trial:
-    """A part of a landscape, in another one, where it has room at several places."""
+    """A part of a landscape, searched in another landscape, where it fits at several places."""
     one, other = _two_landscapes(random)
     height, width = (int(random.uniform(0.25, 0.45) * side) for side in one.shape[:2])
     row, col = detailed_place(one, height, width, random)
@@ -1129,7 +1129,7 @@ def other_landscapes(random: Random) -> Trial:
 
 
 def other_landscapes_without_room(random: Random) -> Trial:
-    """A landscape, in another one of nearly its size."""
+    """A landscape, searched in another landscape of nearly its size."""
     one, other = _two_landscapes(random)
     height, width = (int(random.uniform(0.55, 0.98) * side) for side in one.shape[:2])
     row, col = (int(random.integers(room + 1)) for room in (one.shape[0] - height, one.shape[1] - width))
@@ -1137,7 +1137,7 @@ def other_landscapes_without_room(random: Random) -> Trial:
 
 
 def other_photographs(random: Random) -> Trial:
-    """A part of a photograph in another one, or in the same one painted over; as it is, or at all sizes and angles."""
+    """A part of a photograph, searched in another photograph, or where it is painted over; perhaps in all poses."""
     every = photographs()
     first, second = random.choice(len(every), 2, replace=False).tolist()
     picture, shown = (part_of(every[index], (480, 640), random) for index in (first, second))
@@ -1168,12 +1168,12 @@ def rocketman_turned_and_resized(random: Random) -> Trial:
 
 
 def no_rocketman(random: Random) -> Trial:
-    """The maze without Rocketman, or with him where his mirror image, other colours or his negative is sought."""
+    """The maze without Rocketman, or with him where his mirror image, other colours or his negative are searched."""
     picture, template, place = _maze()
     way, posed = int(random.integers(6)), {"scales": SCALES, "rotations": ROTATIONS}
     if way == 0:
         picture = painted_over(picture, place)
-    elif way == 1:  # in his own size: the maze holds his smaller mirror image
+    elif way == 1:  # in his own size, since the maze contains his smaller mirror image
         template, posed = np.ascontiguousarray(template[:, ::-1]), {}
     elif way == 2:
         orders = ((1, 2, 0), (2, 1, 0), (0, 2, 1))
@@ -1196,7 +1196,7 @@ def _maze() -> tuple[Array, Array, Place]:
 
 
 def painted_over(picture: Array, place: Place) -> Array:
-    """Return the picture with another part of it, from further right, in this place."""
+    """Return the picture with a place covered by another part of it, 300 px further right."""
     painted, row, col = picture.copy(), int(place.row), int(place.col)
     painted[row : row + int(place.height), col : col + int(place.width)] = cut(picture, replace(place, col=col + 300))
     return painted
@@ -1204,15 +1204,15 @@ def painted_over(picture: Array, place: Place) -> Array:
 
 def drawn(picture: Array, template: Array, row: float, col: float, scale: float, rotation: float) -> Array:
     """Return the picture with an RGBA template drawn into it, centred at (row, col) and supersampled."""
-    finer = 4
+    oversampling = 4
     reach = int(np.hypot(*template.shape[:2]) * scale / 2) + 3
     top, left, side = round(row) - reach, round(col) - reach, 2 * reach
     middle = template.shape[1] / 2 - 0.5, template.shape[0] / 2 - 0.5
-    matrix = cv2.getRotationMatrix2D(middle, rotation, scale * finer)
-    matrix[:, 2] += np.array([(col - left) * finer, (row - top) * finer]) - 0.5 - np.array(middle)
+    matrix = cv2.getRotationMatrix2D(middle, rotation, scale * oversampling)
+    matrix[:, 2] += np.array([(col - left) * oversampling, (row - top) * oversampling]) - 0.5 - np.array(middle)
     layers = template.astype(np.float32)
     layers[:, :, :3] *= layers[:, :, 3:] / 255
-    fine = cv2.warpAffine(layers, matrix, (side * finer, side * finer), flags=cv2.INTER_CUBIC)
+    fine = cv2.warpAffine(layers, matrix, (side * oversampling, side * oversampling), flags=cv2.INTER_CUBIC)
     little = cv2.resize(fine, (side, side), interpolation=cv2.INTER_AREA)
     cover = np.clip(little[:, :, 3:] / 255, 0, 1)
     shown = picture.copy()
@@ -1228,11 +1228,11 @@ PUBLIC: tuple[tuple[str, str, str | None, tuple[tuple[int, int], ...]], ...] = (
     ("boofcv_desktop/scene.png", "template_cursor.png", "mask.png", ((6, 271), (265, 210), (285, 371))),
     ("boofcv_desktop/scene.png", "template_browser.png", None, ()),
 )
-"""Pictures at :data:`benchmarks.pairs.DATA`: scene, template, mask, and the (row, col) of each place."""
+"""Pictures in :data:`benchmarks.pairs.DATA`: scene, template, mask, and the (row, col) of each place."""
 
 
 def public_pictures(random: Random) -> Trial:
-    """Screens and photographs of other projects, as they are or at all sizes."""
+    """Screens and photographs of other projects, searched at their size or at all sizes."""
     scene, name, mask, corners = PUBLIC[int(random.integers(len(PUBLIC)))]
     path = DATA / "template" / scene
     template = read_image(path.parent / name)
@@ -1263,7 +1263,7 @@ def _numbers(random: Random) -> tuple[Array, Place]:
 
 
 def _holes(shape: Sequence[int], place: Place, random: Random) -> Array:
-    """Return where there is no data: spots, and the wedges beside a turned strip; none of them in the place."""
+    """Return the mask of pixels without data, outside the place: spots, and the wedge beside a rotated strip."""
     holes = np.zeros(shape, np.uint8)
     for _ in range(int(random.integers(1, 6))):
         at = int(random.integers(shape[1])), int(random.integers(shape[0]))
@@ -1288,7 +1288,7 @@ def missing_values(random: Random) -> Trial:
 
 
 def other_terrain(random: Random) -> Trial:
-    """A part of terrain, in other terrain, perhaps with NaN."""
+    """A part of terrain, searched in other terrain, perhaps with NaN."""
     picture, other = _terrain(random).astype(np.float32), _terrain(random).astype(np.float32)
     height, width = (int(one) for one in random.integers(36, 100, 2))
     template = part_of(other, (height, width), random)
@@ -1307,7 +1307,7 @@ def signed_with_nodata(random: Random) -> Trial:
 
 
 def one_hot_pixel(random: Random) -> Trial:
-    """A picture of 16 bits or floats with one pixel that is brighter than all others by far, outside the place."""
+    """A picture of 16 bits or floats with one pixel, outside the place, that is far brighter than all others."""
     picture, place = _numbers(random)
     floats = random.random() < 0.5
     numbers = picture if floats else np.rint(picture + 800).astype(np.uint16)
@@ -1321,7 +1321,7 @@ def one_hot_pixel(random: Random) -> Trial:
 
 
 def other_number_types(random: Random) -> Trial:
-    """A screen or photograph, grey or in colour, in 16 bits, in a few levels of them, signed numbers or floats."""
+    """A screen or photograph, grey or in colour, in 16 bits, in part of their range, as signed numbers or floats."""
     picture, place = piece(random) if random.random() < 0.6 else screen_piece(random)
     if random.random() < 0.5:
         picture = np.rint(picture.mean(axis=2)).astype(np.uint8)
@@ -1340,17 +1340,17 @@ def other_number_types(random: Random) -> Trial:
 
 def small_templates(random: Random) -> Trial:
     """An icon of 8 to 14 px among others."""
-    return _small(random, there=True)
+    return _small(random, is_present=True)
 
 
 def other_small_templates(random: Random) -> Trial:
-    """An icon of 8 to 14 px that is not there, but others are."""
-    return _small(random, there=False)
+    """An icon of 8 to 14 px that is absent, where there are others."""
+    return _small(random, is_present=False)
 
 
-def _small(random: Random, there: bool) -> Trial:
+def _small(random: Random, is_present: bool) -> Trial:
     look, size = theme(random), int(random.integers(8, 15))
-    wanted, *names = (str(one) for one in random.permutation(sorted(OUTLINES)))
+    wanted, *names = (str(one) for one in random.permutation(sorted(DISTINCT_GLYPHS)))
     pitch = size + int(random.integers(3, 10))
     colour = look.icons[int(random.integers(len(look.icons)))]
     index = int(random.integers(len(names)))
@@ -1363,16 +1363,18 @@ def _small(random: Random, there: bool) -> Trial:
     ]
     without, within = (screen.drawn() for screen in screens)
     place = box(screens[1].widgets[index], 1, 0, within.shape)
-    return Trial(within if there else without, cut(within, place), (place,) if there else ())
+    return Trial(within if is_present else without, cut(within, place), (place,) if is_present else ())
 
 
-OUTLINES = ("bell", "lock", "star", "heart", "house", "bin", "disk", "person", "undo", "flag", "letter", "drop", "bolt",
-            "clock", "page", "folder", "cloud", "magnifier", "shield plus", "circle cross", "square check")  # fmt: skip
-"""Glyphs that can be told from one another at 8 px."""
+DISTINCT_GLYPHS = (
+    "bell", "lock", "star", "heart", "house", "bin", "disk", "person", "undo", "flag", "letter", "drop", "bolt",
+    "clock", "page", "folder", "cloud", "magnifier", "shield plus", "circle cross", "square check",
+)  # fmt: skip
+"""Glyphs that can be distinguished at 8 px."""
 
 
 def small_templates_at_any_angle(random: Random) -> Trial:
-    """An icon of 16 to 24 px at any angle on a plain ground, with others at other angles."""
+    """An icon of 16 to 24 px at any angle on a plain background, with others at other angles."""
     size, ground = int(random.integers(16, 25)), random.uniform(150, 250, 3)
     names = [str(one) for one in random.permutation(["bell", "flag", "key", "pencil", "heart", "house", "cup", "undo"])]
     picture = np.empty((220, 300, 3), np.uint8)

@@ -1,4 +1,4 @@
-"""Frames per second of whole sequences, from files to maps and video, beside the same done by hand with OpenCV."""
+"""Frames per second of whole sequences, from files to maps and video, compared with the same work by hand in OpenCV."""
 
 from __future__ import annotations
 
@@ -34,10 +34,11 @@ OURS: dict[str, StereoMatcher] = {
     "sl.StereoBM": StereoBM(num_disparities=NUM_DISPARITIES, block_size=21),
     "sl.StereoSGBM": StereoSGBM(num_disparities=NUM_DISPARITIES),
 }
-ASKED = {'preset("fast")': ("≥ 10", "≥ 30", "≥ 0.5", "≥ 0.8"), 'preset("accurate")': ("≥ 5", "≥ 10", "", "")}
-"""Frames per second and their ratio to the peer's, each as required and as aimed for."""
+REQUIRED = {'preset("fast")': ("≥ 10", "≥ 30", "≥ 0.5", "≥ 0.8"), 'preset("accurate")': ("≥ 5", "≥ 10", "", "")}
+"""Frames per second and their ratio to the peer's, each with the required and the desired value."""
+
 OF_SGBM = ('preset("accurate")', "sl.StereoSGBM")
-"""The pipelines whose peer is SGBM by hand; the others' peer is BM."""
+"""Pipelines whose peer is SGBM by hand; the peer of the others is BM."""
 
 Grey = npt.NDArray[np.uint8]
 
@@ -125,7 +126,7 @@ def sequence_table() -> tuple[str, dict[str, dict[str, dict[str, float]]]]:
         times = rounds_in_turn(pipelines(drive))
         rates = {name: len(drive.files) / min(taken) for name, taken in times.items()}
         for name, rate in rates.items():
-            must, aim, must_share, aim_share = ASKED.get(name, ("", "", "", ""))
+            must, aim, must_share, aim_share = REQUIRED.get(name, ("", "", "", ""))
             share = rate / rates["cv2.StereoSGBM by hand" if name in OF_SGBM else "cv2.StereoBM by hand"]
             lines.append(
                 f"| {drive.name} | {name} | {rate:.1f} | {must} | {aim} | {share:.2f} | {must_share} | {aim_share} | "

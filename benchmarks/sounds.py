@@ -1,4 +1,4 @@
-"""Sounds and slow signals drawn from a generator: what the recordings of :mod:`benchmarks.recordings` are made of."""
+"""Random sounds and slow signals, the sources of :mod:`benchmarks.recordings`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scipy import signal
 Vector: TypeAlias = npt.NDArray[np.float64]
 Random: TypeAlias = np.random.Generator
 Source: TypeAlias = Callable[[int, float, Random], Vector]
-"""A number of samples, the rate in samples per second and a generator: (samples,) of a sound."""
+"""Function of a number of samples, a rate, Hz, and a random generator that returns a sound, (samples,)."""
 
 FLOOR = 1e-4
 """Level of the noise under sounds with pauses, so that nothing is constant."""
@@ -55,7 +55,7 @@ def ringing(size: int, rate: float, pitch: float, width: float) -> Vector:
 
 
 def add(sound: Vector, start: int, event: Vector) -> None:
-    """Add an event to a sound in place, as far as it lies within."""
+    """Add an event to a sound, in place, clipped at its ends."""
     begin, stop = max(0, start), min(sound.size, start + event.size)
     if begin < stop:
         sound[begin:stop] += event[begin - start : stop - start]

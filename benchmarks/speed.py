@@ -38,7 +38,7 @@ REPORT = {
     "Rocketman, sampled": 0.49,
     "Rocketman, RGBA with mask, fft": 2.8,
 }
-"""Seconds that the source report gives for its own machine."""
+"""Seconds measured on the machine of the source report."""
 
 
 def road() -> tuple[Grey, Grey]:

@@ -1,4 +1,4 @@
-"""How much less maps flicker when steadied with the previous frame, and the effect on errors and time."""
+"""Flicker of maps with and without steadying by the previous frame, and its effect on errors and time."""
 
 from __future__ import annotations
 

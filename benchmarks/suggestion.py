@@ -1,4 +1,4 @@
-"""Worth of suggested settings: true bad-2 before and after, and of the best settings among those tried."""
+"""Benefit of suggested settings: true bad-2 before and after, and with the best settings among those tried."""
 
 from __future__ import annotations
 
@@ -17,7 +17,12 @@ from stereolag.stereo.windows.matcher import CorrelationMatcher
 
 BUDGET_S = 10.0
 BLIND, SEEING = "blind", "with truth"
-WORST_ALLOWED, FROM_BEST_ALLOWED = 0.5, 1.0
+
+MAX_WORSENING = 0.5
+"""Largest increase of bad-2 allowed, percentage points."""
+
+MAX_FROM_BEST = 1.0
+"""Largest mean distance from the best settings allowed, percentage points of bad-2."""
 
 STARTS: dict[str, StereoMatcher] = {
     "plain windows": CorrelationMatcher(),
@@ -29,7 +34,7 @@ STARTS: dict[str, StereoMatcher] = {
 
 @dataclass(frozen=True)
 class Suggested:
-    """One search: true bad-2, %, and the figures that the search itself reported."""
+    """One search: true bad-2, %, and the figures reported by the search itself."""
 
     pair: str
     start: str
@@ -96,22 +101,20 @@ def rendered(rows: Sequence[Suggested]) -> str:
     ]
     for title in STARTS:
         for judged in (BLIND, SEEING):
-            those = [row for row in rows if (row.start, row.judged) == (title, judged)]
-            gain = math.fsum(row.before - row.after for row in those) / len(those)
-            distance = math.fsum(row.after - row.best for row in those) / len(those)
-            worst = max(row.after - row.before for row in those)
+            selected = [row for row in rows if (row.start, row.judged) == (title, judged)]
+            gain = math.fsum(row.before - row.after for row in selected) / len(selected)
+            distance = math.fsum(row.after - row.best for row in selected) / len(selected)
+            worst = max(row.after - row.before for row in selected)
             must = (
-                f"worst ≤ {WORST_ALLOWED}, gain > 0, distance ≤ {FROM_BEST_ALLOWED:g}"
-                if judged == BLIND
-                else "worst ≤ 0"
+                f"worst ≤ {MAX_WORSENING}, gain > 0, distance ≤ {MAX_FROM_BEST:g}" if judged == BLIND else "worst ≤ 0"
             )
             must = "unchanged: nothing to judge it by" if (title, judged) == ("accurate", BLIND) else must
             lines.append(f"| {title} | {judged} | {gain:.2f} | {worst:+.2f} | {distance:.2f} | {must} |")
     for judged in (BLIND, SEEING):
         lines += ["", f"Searched {judged}:", "", f"| pair | {' | '.join(STARTS)} |", "|---" * (1 + len(STARTS)) + "|"]
         for name in dict.fromkeys(row.pair for row in rows):
-            those = [row for row in rows if (row.pair, row.judged) == (name, judged)]
-            cells = (f"{row.before:.1f} → {row.after:.1f} ({row.best:.1f})" for row in those)
+            selected = [row for row in rows if (row.pair, row.judged) == (name, judged)]
+            cells = (f"{row.before:.1f} → {row.after:.1f} ({row.best:.1f})" for row in selected)
             lines.append(f"| {name} | {' | '.join(cells)} |")
     return "\n".join(lines)
 

@@ -1,4 +1,4 @@
-"""Times as ratios: ours and the peer alternate in one run, so that a drifting machine affects both."""
+"""Times as ratios: ours and the peer's alternate in one run, so that changes of the machine affect both."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How often a lag is called sure, wrongly and rightly: recordings with known truth, drawn from their seeds."""
+"""How often a lag is reported as sure, rightly and wrongly, on recordings with known truth, generated from seeds."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ SIZES = (2_000, 6_000, 20_000)
 DIRECT_SIZES = (2_000, 6_000)
 
 TRIALS = 40
-"""Pairs of each kind of recordings."""
+"""Number of pairs of each kind of recordings."""
 
 SIMPLE_TRIALS = 100
-"""Simple pairs of each kind by each method."""
+"""Number of simple pairs of each kind for each method."""
 
 
 def noise(size: int, random: np.random.Generator) -> Vector:
@@ -139,26 +139,26 @@ def drifting(size: int, lag: int, ppm: float, noise_level: float, seed: int) -> 
 
 @dataclass(frozen=True)
 class Judged:
-    """What became of one pair.
+    """The outcome of one pair.
 
     Attributes
     ----------
     kind, seed
-        What :func:`benchmarks.recordings.trial` drew it from.
+        Arguments of :func:`benchmarks.recordings.trial`.
     expected, verdict
         See :class:`benchmarks.recordings.Trial`.
     lag, truth
-        The lag found, and the ranges of right ones over the recordings, samples.
+        The lag found, and the ranges of correct lags over the recordings, samples.
     inside
         Whether the lag occurs at some time of the recordings.
     named
-        Whether all lags that a sure answer must name are named.
+        Whether the answer has all lags that a sure answer must name.
     simple
-        Whether the highest point of the plain or of the whitened correlation is a right lag.
+        Whether the highest point of the plain or of the whitened correlation is at a correct lag.
     drift_right
         Whether the drift is right; None where there is none to measure.
     over_time
-        Whether the lag is right at all times; None where the result does not tell.
+        Whether the lag is right at all times; None if the result has no lag over time.
     seconds
         Duration of search and judgement.
     """
@@ -178,17 +178,17 @@ class Judged:
 
     @property
     def right(self) -> bool:
-        """Whether the lag is called sure, rightly."""
+        """Return whether the lag is reported as sure, and right."""
         return self.verdict == "sure" and self.expected in ("sure", "any") and self.inside and self.named
 
     @property
     def wrong(self) -> bool:
-        """Whether the lag is called sure, wrongly."""
+        """Return whether the lag is reported as sure, but wrong."""
         return self.verdict == "sure" and not self.right
 
 
 def judged(kind: str, seed: int, method: SignalMethod = "fft") -> Judged:
-    """Return what becomes of one pair by a method."""
+    """Return the outcome of one pair with a method."""
     given = trial(kind, seed)
     start = time.perf_counter()
     found = signal_lag(*given.recordings, sampling_rate=given.rate, method=method, seed=0)
@@ -223,7 +223,7 @@ def simple_lags(given: Trial) -> Iterator[int]:
 
 
 def judged_trials(kinds: Sequence[str], seeds: Sequence[int], method: SignalMethod, jobs: int) -> Iterator[Judged]:
-    """Yield what becomes of the pairs of these kinds with these seeds, computed by so many processes."""
+    """Yield the outcomes of the pairs of these kinds with these seeds, computed by `jobs` processes."""
     pairs = [(kind, seed, method) for kind in kinds for seed in seeds]
     if jobs == 1:
         yield from starmap(judged, pairs)
@@ -240,7 +240,7 @@ def recordings_table(
     method: SignalMethod = "fft",
     jobs: int = 1,
 ) -> tuple[str, list[dict[str, Any]]]:
-    """Return what becomes of pairs of each kind as Markdown, with the mistakes one by one, and as figures."""
+    """Return the outcomes of pairs of each kind as Markdown, with each mistake, and as figures."""
     every = list(judged_trials(kinds, range(seed, seed + trials), method, jobs))
     lines = [
         "| recordings | pairs | sure, right | **sure, wrong** | ambiguous | nothing | found by argmax | of these sure,"

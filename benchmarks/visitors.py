@@ -1,4 +1,4 @@
-"""A visitor of the running app without a browser, speaking Streamlit's own protocol as its page does."""
+"""A visitor of the running app without a browser, who uses Streamlit's protocol as its page does."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ from websockets.typing import Subprotocol
 HOST = "localhost"
 XSRF_COOKIE = "_streamlit_xsrf"
 TIMEOUT_S = 240
-LARGEST_MESSAGE = 256 * 2**20
-DELIVERY = "stereolag.delivery"
-"""The component that carries an item to others; the first picture is the first map."""
+MAX_MESSAGE_BYTES = 256 * 2**20
+DELIVERY_COMPONENT = "stereolag.delivery"
+"""The component that delivers an item to others; its first picture on the page is the first map."""
 
 WIDGETS = ("slider", "button_group", "checkbox", "number_input", "file_uploader", "button", "selectbox", "text_input")
 
@@ -50,7 +50,7 @@ class Drawn:
 
 @dataclass
 class Move:
-    """A slider move: when it was due, when it was sent, and when the first map of it or of a later move arrived."""
+    """A slider move: the times at which it was due, was sent, and at which the map of it or of a later move arrived."""
 
     value: float
     due: float
@@ -59,7 +59,7 @@ class Move:
 
     @property
     def latency(self) -> float | None:
-        """Return the seconds from the due time to its map; None until it has arrived."""
+        """Return the time from when it was due to its map, s; None until that has arrived."""
         return None if self.answered is None else self.answered - self.due
 
 
@@ -80,7 +80,7 @@ class Visitor:
     port
         The app's port on this machine.
     page
-        Its name in the address, such as ``Depth_maps``; empty for the home page.
+        The page's name in the address, such as ``Depth_maps``; "" for the home page.
     """
 
     def __init__(self, port: int, page: str = "Depth_maps") -> None:
@@ -93,12 +93,12 @@ class Visitor:
         self._reader: asyncio.Task[None] | None = None
         self._drawn: dict[Path, Drawn] = {}
         self._states: dict[str, WidgetState] = {}
-        self._kept: dict[str, tuple[ForwardMsg, int, str]] = {}
-        self._folded: set[str] = set()
+        self._cached: dict[str, tuple[ForwardMsg, int, str]] = {}
+        self._expanders: set[str] = set()
         self._tabs: set[str] = set()
         self._repeats: dict[str, asyncio.Task[None]] = {}
         self._maps = 0
-        self._runs = self._oldest = 0
+        self._runs = self._max_cached_age = 0
         self._run = _Run()
         self._finished = 0
         self._change = asyncio.Condition()
@@ -118,16 +118,16 @@ class Visitor:
 
     async def arrive(self) -> None:
         """Open the page and wait until its script has run."""
-        self._cookie = await asyncio.to_thread(self._fetched_cookie)
+        self._cookie = await asyncio.to_thread(self._fetch_cookie)
         self._socket = await connect(
             f"ws://{HOST}:{self._port}/_stcore/stream",
             subprotocols=[Subprotocol("streamlit"), Subprotocol(self._cookie or "PLACEHOLDER_AUTH_TOKEN")],
             origin=f"http://{HOST}:{self._port}",  # type: ignore[arg-type]
             additional_headers={"Cookie": f"{XSRF_COOKIE}={self._cookie}"},
-            max_size=LARGEST_MESSAGE,
+            max_size=MAX_MESSAGE_BYTES,
         )
         self._reader = asyncio.create_task(self._read())
-        await self._sent_and_finished(ClientState(page_name=self._page))
+        await self._send_and_wait(ClientState(page_name=self._page))
 
     async def leave(self) -> None:
         """Close the page."""
@@ -149,10 +149,10 @@ class Visitor:
         said = [one.exception.message for _, one in self.elements("exception")]
         return said + [one.alert.body for _, one in self.elements("alert") if one.alert.format == one.alert.ERROR]
 
-    def keys(self, beginning: str) -> list[str]:
-        """Return the keys of the page's widgets that begin with a prefix."""
+    def keys(self, prefix: str) -> list[str]:
+        """Return those keys of the page's widgets that begin with a prefix."""
         identities = [getattr(one.element, kind).id for one, kind in self._widgets()]
-        return [key for key in (_key_of(one) for one in identities) if key.startswith(beginning)]
+        return [key for key in (_key_of(one) for one in identities) if key.startswith(prefix)]
 
     async def choose(self, key: str, option: str) -> None:
         """Choose an option of a segmented control by its label, and wait until the script has run."""
@@ -191,7 +191,7 @@ class Visitor:
         drawn, widget = self._widget(key)
         await self._set(WidgetState(id=widget, trigger_value=True), drawn.fragment)
 
-    async def tell(self, component: str, event: str, value: object) -> None:
+    async def trigger(self, component: str, event: str, value: object) -> None:
         """Send a value of a component to Python, as its ``setTriggerValue`` does, and wait until the script has run."""
         drawn = next(
             one for one in self._drawn.values() if one.element.bidi_component.component_name == f"stereolag.{component}"
@@ -207,7 +207,7 @@ class Visitor:
 
     @asynccontextmanager
     async def another_map(self) -> AsyncIterator[None]:
-        """Wait for another map after the enclosed actions: one run of the script may lead to the next."""
+        """Wait for another map after the actions in the context, which may cause several runs of the script."""
         maps = self._maps
         yield
         await self._until(lambda: self._maps > maps, "another map")
@@ -243,7 +243,7 @@ class Visitor:
             del self._states[state.id]
         await self._until(lambda: self._finished > finished, f"the run after a change of {_key_of(state.id)}")
 
-    async def _sent_and_finished(self, state: ClientState) -> None:
+    async def _send_and_wait(self, state: ClientState) -> None:
         finished = self._finished
         message = BackMsg()
         message.rerun_script.CopyFrom(state)
@@ -257,7 +257,7 @@ class Visitor:
         state.page_script_hash = self._page_hash
         state.fragment_id = fragment
         state.widget_states.widgets.extend(self._states.values())
-        state.cached_message_hashes.extend(self._kept)
+        state.cached_message_hashes.extend(self._cached)
         return message
 
     async def _send(self, message: BackMsg) -> None:
@@ -265,7 +265,7 @@ class Visitor:
         await self._socket.send(message.SerializeToString())
 
     async def _until(self, holds: Callable[[], bool], awaited: str) -> None:
-        """Wait until something holds; an error names what was awaited."""
+        """Wait until a condition holds; `awaited` is its description for errors."""
         reader = self._reader
         assert reader is not None
         try:
@@ -282,26 +282,26 @@ class Visitor:
             async for data in self._socket:
                 assert isinstance(data, bytes)
                 self.received_bytes += len(data)
-                self._take(ForwardMsg.FromString(data))
+                self._handle(ForwardMsg.FromString(data))
                 async with self._change:
                     self._change.notify_all()
         finally:
             async with self._change:
                 self._change.notify_all()
 
-    def _take(self, message: ForwardMsg) -> None:
+    def _handle(self, message: ForwardMsg) -> None:
         kind = message.WhichOneof("type")
         if kind == "ref_hash":
-            before, _, fragment = self._kept[message.ref_hash]
-            self._kept[message.ref_hash] = before, self._runs, fragment
+            before, _, fragment = self._cached[message.ref_hash]
+            self._cached[message.ref_hash] = before, self._runs, fragment
             self._draw([*message.metadata.delta_path], before.delta)
         elif kind == "delta":
             if message.metadata.cacheable:
-                self._kept[message.hash] = message, self._runs, message.delta.fragment_id
+                self._cached[message.hash] = message, self._runs, message.delta.fragment_id
             self._draw([*message.metadata.delta_path], message.delta)
         elif kind == "new_session":
             self._run = _Run(message.metadata.run.script_run_id, tuple(message.metadata.run.fragment_ids))
-            self._begin(message.new_session)
+            self._start_run(message.new_session)
         elif kind == "navigation":
             self._page_hash = message.navigation.page_script_hash
         elif kind == "page_info_changed":
@@ -314,13 +314,13 @@ class Visitor:
         elif kind == "file_urls_response":
             self._addresses[message.file_urls_response.response_id] = [*message.file_urls_response.file_urls]
         elif kind == "script_finished":
-            self._end(message.script_finished)
+            self._finish_run(message.script_finished)
 
-    def _begin(self, session: NewSession) -> None:
+    def _start_run(self, session: NewSession) -> None:
         self._session = session.initialize.session_id or self._session
         if not self._run.fragments:
             self._stop_repeats()
-        self._oldest = session.config.max_cached_message_age
+        self._max_cached_age = session.config.max_cached_message_age
 
     def _repeat(self, fragment: str, interval: float) -> None:
         """Rerun a fragment at an interval, as the script requested."""
@@ -351,7 +351,7 @@ class Visitor:
             return
         before = self._drawn.pop(path, None)
         if kind == "add_block":
-            self._note_block(delta.add_block)
+            self._record_block(delta.add_block)
             return
         element = delta.new_element
         for inner in [one for one in self._drawn if one[: len(path)] == path]:
@@ -361,19 +361,19 @@ class Visitor:
         if _is_picture(element) and (before is None or _source(before.element) != _source(element)):
             self._run.images[path] = time.perf_counter()
         elif drawn_as in WIDGETS:
-            self._note(element)
+            self._record_state(element)
 
-    def _note_block(self, block: Block) -> None:
-        """Note the tabs, and the state of an expander, that report their opening to the script."""
+    def _record_block(self, block: Block) -> None:
+        """Record tabs, and the state of expanders, that report to the script when they are opened."""
         if block.tab_container.id:
             self._tabs.add(block.tab_container.id)
         part = block.expandable
         if part.id:
-            self._folded.add(part.id)
+            self._expanders.add(part.id)
             self._states.setdefault(part.id, WidgetState(id=part.id, bool_value=part.expanded))
 
-    def _note(self, element: Element) -> None:
-        """Note the state of a widget as the page would send it: the visitor's choice, or else the script's value."""
+    def _record_state(self, element: Element) -> None:
+        """Record the state of a widget as the page would send it: the visitor's choice, or else the script's value."""
         kind = element.WhichOneof("type")
         assert kind is not None
         widget = getattr(element, kind)
@@ -402,7 +402,7 @@ class Visitor:
             return
         self._states[widget.id] = state
 
-    def _end(self, status: int) -> None:
+    def _finish_run(self, status: int) -> None:
         self._runs += 1
         run = self._run
         if status in (ForwardMsg.FINISHED_SUCCESSFULLY, ForwardMsg.FINISHED_FRAGMENT_RUN_SUCCESSFULLY):
@@ -410,12 +410,12 @@ class Visitor:
                 if drawn.run != run.name and (not run.fragments or drawn.fragment in run.fragments):
                     del self._drawn[path]
             if not run.fragments:
-                shown_now = {getattr(one.element, kind).id for one, kind in self._widgets()}
-                shown_now |= self._folded | self._tabs
-                self._states = {name: state for name, state in self._states.items() if name in shown_now}
-            for name, (_, used, fragment) in [*self._kept.items()]:
-                if (not run.fragments or fragment in run.fragments) and self._runs - used > self._oldest:
-                    del self._kept[name]
+                current = {getattr(one.element, kind).id for one, kind in self._widgets()}
+                current |= self._expanders | self._tabs
+                self._states = {name: state for name, state in self._states.items() if name in current}
+            for name, (_, used, fragment) in [*self._cached.items()]:
+                if (not run.fragments or fragment in run.fragments) and self._runs - used > self._max_cached_age:
+                    del self._cached[name]
         maps = [path for path, one in self.elements("bidi_component") if _is_picture(one)][:1]
         shown = [run.images[path] for path in maps if path in run.images]
         self._maps += bool(shown)
@@ -440,8 +440,8 @@ class Visitor:
                 return drawn, identity
         raise LookupError(f"There is no widget of the key {key} on the page. {' '.join(self.complaints())}")
 
-    def _fetched_cookie(self) -> str:
-        """Return the token that the app gives every browser."""
+    def _fetch_cookie(self) -> str:
+        """Return the token that the app sends to every browser."""
         connection = http.client.HTTPConnection(HOST, self._port, timeout=TIMEOUT_S)
         try:
             for path in (f"/{self._page}", "/_stcore/health", "/_stcore/host-config"):
@@ -457,7 +457,7 @@ class Visitor:
         return ""
 
     def _put(self, address: str, name: str, content: bytes) -> None:
-        """Send a file as the browser's form does."""
+        """Send a file as a browser does with a form."""
         boundary = uuid.uuid4().hex
         head = f'--{boundary}\r\nContent-Disposition: form-data; name="{name}"; filename="{name}"\r\n'
         body = f"{head}Content-Type: image/png\r\n\r\n".encode() + content + f"\r\n--{boundary}--\r\n".encode()
@@ -483,8 +483,10 @@ def _key_of(identity: str) -> str:
 
 
 def _is_picture(element: Element) -> bool:
-    """Return whether an element carries a picture, of a map or an image."""
-    delivery = element.WhichOneof("type") == "bidi_component" and element.bidi_component.component_name == DELIVERY
+    """Return whether an element delivers a picture, of a map or an image."""
+    delivery = (
+        element.WhichOneof("type") == "bidi_component" and element.bidi_component.component_name == DELIVERY_COMPONENT
+    )
     return delivery and _header(element)["kind"] == "pictures"
 
 

@@ -41,7 +41,8 @@ PARTS = {
 def ask(inputs: PictureAndTemplate | None) -> TemplateQuery | None:
     """Return the query, or None if the settings are refused; without inputs, for a camera, which finds one match."""
     if inputs is not None:
-        show_picture(figures.what_counts(inputs.template, inputs.mask), "The template", "Look for this", stretch=False)
+        template = figures.masked_template(inputs.template, inputs.mask)
+        show_picture(template, "The template", "Look for this", stretch=False)
     method = control(TemplateQuery, "method", key="template.method", names=TEMPLATE_METHODS)
     prose.caption((TEMPLATE_METHODS_EXPLAINED if inputs is not None else METHODS_FOLLOWING)[method])
     values: dict[str, Any] = {"min_score": control(TemplateQuery, "min_score", key="template.min_score")}

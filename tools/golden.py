@@ -1,9 +1,8 @@
-"""``python -m tools.golden record FILE`` and ``compare FILE``: public results before and after a change of structure.
+"""``python -m tools.golden record FILE`` and ``compare FILE``: public results before and after a refactoring.
 
-It calls public names, commands and pages alone, so that it runs on any commit whatever its modules are called: record
-on the commit before, compare on the one after. Arrays and files are kept as digests, everything else in plain words;
-times and versions are left out. ``--only lags`` does one group, ``--from CHECKOUT`` takes the package of another
-checkout.
+Only public names, commands and pages are used, so that it runs on any commit: record on the commit before, compare on
+the one after. Arrays and files are recorded as digests, everything else as JSON; times and versions are omitted.
+``--only lags`` restricts it to one group, ``--from CHECKOUT`` uses the package of another checkout.
 """
 
 from __future__ import annotations
@@ -30,11 +29,11 @@ import numpy as np
 
 PROJECT = Path(__file__).resolve().parents[1]
 
-NOT_KEPT = ("elapsed_s", "settings", "_")
-"""Beginnings of the names of fields that differ from run to run, or that are compared where they are written."""
+SKIPPED_PREFIXES = ("elapsed_s", "settings", "_")
+"""Prefixes of the names of fields that differ from run to run, or that are compared as files."""
 
-FOUND = ("verdict", "rivals", "inverted", "drift_ppm", "found", "reason", "healthy", "range")
-"""Properties that hold a part of a result."""
+RECORDED_PROPERTIES = ("verdict", "rivals", "inverted", "drift_ppm", "found", "reason", "healthy", "range")
+"""Properties that are part of a result."""
 
 TIMES = re.compile(r'"(elapsed_s|seconds|milliseconds|ms|time_ms|version|stereolag)": ("[^"]*"|[\d.e+-]+)')
 
@@ -59,12 +58,11 @@ ADDRESSES = {
     ],
 }
 
+MAX_TEXT_LENGTH = 4000
+"""Characters up to which a text file is recorded in full, so that differences can be read."""
 
-READABLE = 4000
-"""Characters up to which a text file is kept as it is, so that a difference can be read."""
-
-OPENED = ("depth.take.opened", "lag.take.opened", "template.take.opened")
-"""Keys of the folded parts in which pages offer their files."""
+OPENED_KEYS = ("depth.take.opened", "lag.take.opened", "template.take.opened")
+"""Session-state keys of the collapsible parts in which pages offer their files."""
 
 
 def plain(value: Any) -> Any:
@@ -79,9 +77,11 @@ def plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        names = [field.name for field in dataclasses.fields(value) if not field.name.startswith(NOT_KEPT)]
+        names = [field.name for field in dataclasses.fields(value) if not field.name.startswith(SKIPPED_PREFIXES)]
         names += [
-            name for name in FOUND if isinstance(getattr(type(value), name, None), property | functools.cached_property)
+            name
+            for name in RECORDED_PROPERTIES
+            if isinstance(getattr(type(value), name, None), property | functools.cached_property)
         ]
         return {name: plain(getattr(value, name)) for name in names}
     if hasattr(value, "model_dump"):
@@ -96,13 +96,13 @@ def plain(value: Any) -> Any:
 
 
 def of_map(result: Any) -> dict[str, Any]:
-    """Return what a disparity map holds."""
+    """Return the arrays of a disparity map."""
     names = ("disparity", "dy", "dx", "lag", "score", "valid", "filled", "reason")
     return {name: plain(getattr(result, name)) for name in names}
 
 
 def half(image: Any) -> Any:
-    """Return every second row and column, so that all methods together take seconds."""
+    """Return every second row and column, so that all methods together take seconds only."""
     return np.ascontiguousarray(image[::2, ::2])
 
 
@@ -139,7 +139,7 @@ def maps() -> Iterator[tuple[str, Any]]:
 
 
 def lags() -> Iterator[tuple[str, Any]]:
-    """Yield the lags of the bundled recordings, whole and in part, and of made ones."""
+    """Yield the lags of the bundled recordings, whole and in part, and of synthetic ones."""
     import stereolag as sl
     from stereolag import samples
 
@@ -198,20 +198,20 @@ def flows() -> Iterator[tuple[str, Any]]:
 
 
 def diagnoses() -> Iterator[tuple[str, Any]]:
-    """Yield the findings on the bundled pairs, as they are and ailing."""
+    """Yield the findings on the bundled pairs, unchanged and with defects."""
     import stereolag as sl
     from stereolag import samples
 
     for name, pair in samples.stereo_pairs().items():
         left, right = (half(sl.read_image(path)) for path in (pair.left, pair.right))
-        ailing = {
+        versions = {
             "as it is": (left, right),
             "swapped": (right, left),
             "row off": (left, np.roll(right, 2, axis=0)),
             "darker": (left, (right * 0.6).astype(np.uint8)),
             "identical": (left, left),
         }
-        for title, (one, other) in ailing.items():
+        for title, (one, other) in versions.items():
             yield f"{name} {title}", plain(sl.diagnose(one, other, num_disparities=64).findings)
 
 
@@ -275,7 +275,7 @@ def without_times(text: str) -> str:
 
 
 def written(data: bytes) -> Any:
-    """Return a file's digest; of a text its digest without times, of a ZIP those of its entries."""
+    """Return a file's digest; of a text without times, and in full if it is short; of a ZIP those of its entries."""
     if zipfile.is_zipfile(io.BytesIO(data)):
         with zipfile.ZipFile(io.BytesIO(data)) as whole:
             return {name: written(whole.read(name)) for name in whole.namelist()}
@@ -291,7 +291,7 @@ def written(data: bytes) -> Any:
     if text.startswith("method,"):
         text = re.sub(r",[^,\n]*$", "", text, flags=re.MULTILINE)  # the last column is a time
     text = without_times(text)
-    return text.splitlines() if len(text) < READABLE else plain(text.encode())
+    return text.splitlines() if len(text) < MAX_TEXT_LENGTH else plain(text.encode())
 
 
 def files() -> Iterator[tuple[str, Any]]:
@@ -317,14 +317,14 @@ def files() -> Iterator[tuple[str, Any]]:
 
 
 def pages() -> Iterator[tuple[str, Any]]:
-    """Yield what the pages show at several addresses: texts, controls with their values, and the address they write."""
+    """Yield the contents of pages at several addresses: texts, control values, and the resulting address."""
     from streamlit.testing.v1 import AppTest
 
     for name, addresses in ADDRESSES.items():
         (path,) = (PACKAGE_ROOT / "pages").glob(f"*_{name}.py")
         for address in addresses:
             app = AppTest.from_file(PACKAGE_ROOT / "app.py", default_timeout=120)
-            for key in OPENED:
+            for key in OPENED_KEYS:
                 app.session_state[key] = True
             app.switch_page(str(path.relative_to(PACKAGE_ROOT)))
             for part in filter(None, address.split("&")):
@@ -337,29 +337,29 @@ def pages() -> Iterator[tuple[str, Any]]:
 
 @contextlib.contextmanager
 def downloads_kept() -> Iterator[dict[str, Any]]:
-    """Make every file that a page offers, and keep its digest by name."""
+    """Collect the digests of all files that a page offers, by name."""
     import streamlit as st
     from streamlit.delta_generator import DeltaGenerator
 
     kept: dict[str, Any] = {}
-    drawn = DeltaGenerator.download_button
+    original = DeltaGenerator.download_button
 
     def draw(self: Any, label: str, data: Any, file_name: str | None = None, *others: Any, **more: Any) -> Any:
         if not more.get("disabled"):
             made = data() if callable(data) else data
             kept[f"{label} {file_name}"] = written(made.encode() if isinstance(made, str) else made)
-        return drawn(self, label, b"", file_name, *others, **more)
+        return original(self, label, b"", file_name, *others, **more)
 
     page, on_page = st.download_button.__self__, st.download_button
     DeltaGenerator.download_button, st.download_button = draw, functools.partial(draw, page)
     try:
         yield kept
     finally:
-        DeltaGenerator.download_button, st.download_button = drawn, on_page
+        DeltaGenerator.download_button, st.download_button = original, on_page
 
 
 def shown(app: Any) -> dict[str, Any]:
-    """Return what a page shows."""
+    """Return the texts, controls, address and exceptions of a page."""
     controls = {}
     for kind in ("slider", "number_input", "selectbox", "segmented_control", "toggle", "checkbox", "text_input"):
         with contextlib.suppress(KeyError, AttributeError):
@@ -387,7 +387,7 @@ PACKAGE_ROOT = PROJECT
 
 
 def results(groups: list[str]) -> dict[str, Any]:
-    """Return the results of some groups; an exception is a result too."""
+    """Return the results of groups; an exception counts as a result."""
     found: dict[str, Any] = {}
     for group in groups:
         try:
@@ -400,7 +400,7 @@ def results(groups: list[str]) -> dict[str, Any]:
 
 
 def differences(before: Any, after: Any, place: str) -> Iterator[str]:
-    """Yield a text for every value that differs; of lines of text only those that differ."""
+    """Yield a description of every difference; of texts and lists, only the lines that differ."""
     if isinstance(before, dict) and isinstance(after, dict):
         for key in [*before, *(key for key in after if key not in before)]:
             yield from differences(before.get(key, "(absent)"), after.get(key, "(absent)"), f"{place} › {key}")
@@ -416,7 +416,7 @@ def differences(before: Any, after: Any, place: str) -> Iterator[str]:
 
 
 def main() -> int:
-    """Record or compare; the exit code is 1 if anything differs."""
+    """Record or compare results; return 1 if any value differs."""
     global PACKAGE_ROOT
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("action", choices=["record", "compare"])

@@ -21,16 +21,22 @@ from stereolag.samples import stereo_pairs
 Rgb = npt.NDArray[np.uint8]
 
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "pictures"
-GAP = 12
-"""White px between two pictures."""
+GAP_PX = 12
+"""Width of the white gap between two pictures, px."""
 
-BOARD, PAIRS, SQUARE_M = Board(9, 6), 20, 0.03
-SHOWN = 4
-"""Index of the board pair that is shown."""
+BOARD = Board(9, 6)
+SQUARE_M = 0.03
+"""Side of a square of the board, metres."""
+
+PAIRS = 20
+"""Number of pairs of the board."""
+
+SHOWN_PAIR = 4
+"""Index of the pair shown."""
 
 
 def rig() -> StereoRig:
-    """Return two cameras that toe in slightly and whose lenses bend lines visibly."""
+    """Return two cameras that toe in slightly, with visible lens distortion."""
     return StereoRig(
         left_matrix=np.array([[530, 0, 325], [0, 532, 237], [0, 0, 1.0]]),
         left_distortion=np.array([-0.28, 0.09, 0, 0, 0]),
@@ -45,7 +51,7 @@ def rig() -> StereoRig:
 
 def beside(*pictures: Rgb) -> Rgb:
     """Return pictures of equal height side by side."""
-    gap = np.full((pictures[0].shape[0], GAP, 3), 255, np.uint8)
+    gap = np.full((pictures[0].shape[0], GAP_PX, 3), 255, np.uint8)
     parts = [part for picture in pictures for part in (gap, picture)]
     return np.concatenate(parts[1:], axis=1)
 
@@ -55,7 +61,7 @@ def below(*pictures: Rgb) -> Rgb:
     return np.asarray(beside(*(picture.swapaxes(0, 1) for picture in pictures)).swapaxes(0, 1))
 
 
-def on_paper(picture: npt.NDArray[np.uint8]) -> Rgb:
+def on_white(picture: npt.NDArray[np.uint8]) -> Rgb:
     """Return a transparent picture, RGBA, on white."""
     opacity = picture[..., 3:] / 255
     return np.rint(255 + (picture[..., :3] - 255.0) * opacity).astype(np.uint8)
@@ -65,21 +71,23 @@ def board_pictures() -> dict[str, Rgb]:
     """Return the pictures of a calibration, by name."""
     pairs = list(drawn_pairs(rig(), BOARD, PAIRS, square_m=SQUARE_M, seed=3))
     views = find_boards(pairs, BOARD)
-    left, right = pairs[SHOWN]
+    left, right = pairs[SHOWN_PAIR]
     coverages = [
-        on_paper(coverage_picture([one for one in corners if one is not None], views.size))
+        on_white(coverage_picture([one for one in corners if one is not None], views.size))
         for corners in (views.left, views.right)
     ]
     rectified = sl.rectify(left, right, sl.calibrate(pairs, BOARD, SQUARE_M))
     return {
-        "corners": beside(with_corners(left, views.left[SHOWN], BOARD), with_corners(right, views.right[SHOWN], BOARD)),
+        "corners": beside(
+            with_corners(left, views.left[SHOWN_PAIR], BOARD), with_corners(right, views.right[SHOWN_PAIR], BOARD)
+        ),
         "coverage": beside(*coverages),
         "rows": below(with_row_lines(left, right), with_row_lines(rectified.left, rectified.right)),
     }
 
 
 def map_pictures() -> dict[str, Rgb]:
-    """Return the maps of the road by a plain matcher and the presets, by name."""
+    """Return the maps of the road by a matcher with default settings and by presets, by name."""
     road = stereo_pairs()["road"]
     left, right = sl.read_image(road.left), sl.read_image(road.right)
     maps = {name: sl.preset(name, road.num_disparities).compute(left, right) for name in ("fast", "accurate")}

@@ -1,22 +1,22 @@
 """Make the bundled pairs of recordings: ``python tools/recordings.py`` writes ``assets/signals``.
 
-Each pair is one long sound scene heard twice, through two windows of 176,401 samples, so the true
+Each pair is one long sound scene recorded twice, in two windows of 176,401 samples, so the true
 lag is known exactly: ``signal_1[i] == signal_2[i + lag]`` before each sensor adds noise of its own.
 
 coast
     Surf, gulls, a speedboat passing and one stroke of a bell; nothing repeats. Sensor 2 hears it
-    50,082 samples after sensor 1. Sensor noise 50 dB below the scene.
+    50,082 samples after sensor 1. The sensor noise is 50 dB below the scene.
 harbour
     Two ships sound their horns. Sensor 2 hears it first (a negative lag) with less than half the
     gain, and both sensors add noise as strong as the scene (0 dB). The horns are placed to fool
-    two naive methods, and the tests hold them to it:
+    two naive methods, as the tests check:
 
     - *Circular correlation* (no zero padding). The first and the last horn are the loudest, and
       only one sensor hears each. Shifted by ``HORN_SPACING`` both meet the moment when the ships
       sound together; shifted a full recording further, the two remaining horns meet. A linear
       correlation keeps these coincidences at two lags, each below the true peak; wrapped around,
       they add up to a higher one.
-    - *Lining up the loudest moments*: the loudest horn is another one in each recording.
+    - *Lining up the loudest moments*: the loudest horn differs between the recordings.
 """
 
 import json
@@ -84,7 +84,7 @@ def surf(samples: int, crests: list[float], rng: np.random.Generator) -> Signal:
 
 
 def gull(start: float, length: float, pitch: float, samples: int) -> Signal:
-    """Return one "kee-ow": the pitch (Hz) leaps up, then sags; a rough voice of ten harmonics."""
+    """Return one "kee-ow": a rough voice of ten harmonics whose pitch (Hz) jumps up and then falls."""
     time = seconds(samples) - start
     sounding = (time >= 0) & (time < length)
     progress = time[sounding] / length
@@ -99,9 +99,9 @@ def gull(start: float, length: float, pitch: float, samples: int) -> Signal:
 
 
 def speedboat(samples: int, closest: float, rng: np.random.Generator) -> Signal:
-    """Return an outboard that revs up while it passes: heard late, loudest and falling in pitch (Doppler).
+    """Return an outboard that revs up while it passes: delayed, loudest when closest, with a Doppler shift.
 
-    Every stroke fires a little differently, as real cylinders do, so no stretch repeats.
+    Every stroke differs a little, as those of real cylinders do, so no stretch repeats.
     """
     time = seconds(samples)
     distance = np.hypot(9.0, 17.0 * (time - closest))
@@ -118,7 +118,7 @@ def speedboat(samples: int, closest: float, rng: np.random.Generator) -> Signal:
 
 
 def bell(samples: int, start: float, pitch: float, rng: np.random.Generator) -> Signal:
-    """Return a bell buoy struck once: inharmonic partials, the high ones dying first, and the clack."""
+    """Return a bell buoy struck once: inharmonic partials, the high ones decaying fastest, and the impact."""
     time = seconds(samples) - start
     ringing = time >= 0
     heard = time[ringing]

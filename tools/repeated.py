@@ -1,7 +1,7 @@
-"""Tests run again and again beside a busy process, and how often each fails.
+"""Runs tests repeatedly on a busy machine, and counts how often each fails.
 
-``python -m tools.repeated --times 20 tests/browser``; what it does not know itself goes to pytest. A test that waits
-for too little passes on an idle machine. Ends with 1 where anything failed.
+``python -m tools.repeated --times 20 tests/browser``; unknown arguments are passed to pytest. A test that does not
+wait long enough passes on an idle machine. The exit code is 1 if any test failed.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from xml.etree import ElementTree
 
 PROJECT = Path(__file__).resolve().parents[1]
 
-SPIN = "while True: pass"
+BUSY_LOOP = "while True: pass"
 
 
 @contextmanager
 def busy_processes(number: int) -> Iterator[None]:
-    """Keep this many cores busy in the meantime."""
-    spinning = [subprocess.Popen([sys.executable, "-c", SPIN]) for _ in range(number)]
+    """Keep a number of cores busy within the context."""
+    processes = [subprocess.Popen([sys.executable, "-c", BUSY_LOOP]) for _ in range(number)]
     try:
         yield
     finally:
-        for process in spinning:
+        for process in processes:
             process.kill()
             process.wait()
 
@@ -69,9 +69,14 @@ def run_once(arguments: list[str], log: Path) -> list[str]:
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.repeated", description=__doc__)
     parser.add_argument("--times", type=int, default=20, help="how often the tests run")
-    parser.add_argument("--busy", type=int, default=max(1, (os.cpu_count() or 1) // 2), help="how many cores are taken")
     parser.add_argument(
-        "--logs", type=Path, default=PROJECT / ".pytest_cache" / "repeated", help="where runs are written down"
+        "--busy", type=int, default=max(1, (os.cpu_count() or 1) // 2), help="how many cores are kept busy"
+    )
+    parser.add_argument(
+        "--logs",
+        type=Path,
+        default=PROJECT / ".pytest_cache" / "repeated",
+        help="where the output of the runs is written",
     )
     arguments, pytest_arguments = parser.parse_known_args()
     arguments.logs.mkdir(parents=True, exist_ok=True)

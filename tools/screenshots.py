@@ -1,6 +1,6 @@
 """The pictures of the README, taken from the app with its bundled examples: ``python -m tools.screenshots [name ...]``.
 
-Each shows the relevant part of a page, once light and once dark, in a browser of fixed size.
+Each shows the relevant part of a page, in light and in dark, in a browser of fixed size.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ MARGIN = 14
 """Margin around the shown part of the page, CSS px."""
 
 FADING_MS = 500
-"""Elements from the previous run stay dim for this long after they are current again."""
+"""Time for which elements of the previous run stay dim once they are current again, ms."""
 
-LARGEST = 140_000
-"""Largest file, bytes."""
+MAX_BYTES = 140_000
+"""Largest size of a picture's file, bytes."""
 
 QUALITIES = range(82, 30, -6)
-"""Qualities from best to worst; the first with a small enough file is used."""
+"""Qualities of WebP from best to worst; the first with a small enough file is used."""
 
 
 @dataclass(frozen=True)
@@ -54,17 +54,17 @@ class Shot:
         The page with its settings, below the app's address.
     width, height
         Size of the window, CSS px: everything shown must fit without scrolling.
-    shown
-        Brings the open page into the wanted state, and returns elements: the picture spans all of them.
-    kept
-        Width of the picture, px; less if it is full of detail.
+    prepare
+        Brings the open page into the desired state, and returns the elements that the picture spans.
+    picture_width
+        Width of the picture, px; smaller for one full of detail, to limit its file.
     """
 
     path: str
     width: int
     height: int
-    shown: Callable[[Page], Sequence[Locator]]
-    kept: int = WIDTH
+    prepare: Callable[[Page], Sequence[Locator]]
+    picture_width: int = WIDTH
 
 
 def bench(page: Page) -> Sequence[Locator]:
@@ -134,20 +134,20 @@ def calibrating(page: Page) -> Sequence[Locator]:
 SHOTS = {
     "bench": Shot("Depth_maps?pair=road&maps=correlation,bm,sgbm,sgm", 1320, 1200, bench),
     "lag": Shot("Sensor_lag", 1320, 1200, lag),
-    "search": Shot("Rocketman_search", 1320, 1200, search, kept=1245),
+    "search": Shot("Rocketman_search", 1320, 1200, search, picture_width=1245),
     "match": Shot("Depth_maps?pair=fence", 1060, 3000, match),
     "driving": Shot("Driving", 1320, 1800, driving),
     "calibrate": Shot("Calibrate", 1320, 1200, calibrating),
 }
 
 
-def taken(open_page: OpenPage, shot: Shot, scheme: str) -> Image.Image:
+def take(open_page: OpenPage, shot: Shot, scheme: str) -> Image.Image:
     """Return the picture of a page."""
     page = open_page(shot.path, scheme=scheme, width=shot.width)
     page.emulate_media(reduced_motion="reduce")
     page.set_viewport_size({"width": shot.width, "height": shot.height})
     settled(page)
-    elements = shot.shown(page)
+    elements = shot.prepare(page)
     settled(page)
     expect(page.locator("[data-testid=stTooltipContent], [data-stale=true]")).to_have_count(0)
     page.wait_for_timeout(FADING_MS)
@@ -159,16 +159,23 @@ def taken(open_page: OpenPage, shot: Shot, scheme: str) -> Image.Image:
     clip = {"x": x, "y": y, "width": right + MARGIN - x, "height": bottom + MARGIN - y}
     picture = Image.open(io.BytesIO(page.screenshot(clip=clip))).convert("RGB")  # type: ignore[arg-type]
     page.close()
-    return picture.resize((shot.kept, math.ceil(picture.height * shot.kept / picture.width)), Image.Resampling.LANCZOS)
+    height = math.ceil(picture.height * shot.picture_width / picture.width)
+    return picture.resize((shot.picture_width, height), Image.Resampling.LANCZOS)
 
 
 FILM = "live"
-FILM_FRAMES, FILM_STEP, FILM_MS = 14, 4, 200
-FILM_WIDTH, FILM_LARGEST = 760, 300_000
-"""A film of the live page: number of frames, frames of the drive between two, ms for each; its width and size."""
+"""Name of the film of a live camera."""
+
+FILM_FRAMES = 14
+FILM_STEP = 4
+"""Frames of the drive from one frame of the film to the next."""
+
+FILM_FRAME_MS = 200
+FILM_WIDTH = 760
+FILM_MAX_BYTES = 300_000
 
 
-def filmed(open_page: OpenPage, scheme: str) -> list[Image.Image]:
+def film(open_page: OpenPage, scheme: str) -> list[Image.Image]:
     """Return the pictures of a film: the example drive as a live camera."""
     sequence = example_sequence(next(iter(drives().values())))
     frames = [sequence.frame(FILM_STEP * number) for number in range(FILM_FRAMES)]
@@ -195,19 +202,23 @@ def filmed(open_page: OpenPage, scheme: str) -> list[Image.Image]:
     return shown
 
 
-def encoded(pictures: Sequence[Image.Image], largest: int = LARGEST) -> bytes:
+def encoded(pictures: Sequence[Image.Image], max_bytes: int = MAX_BYTES) -> bytes:
     """Return a picture or a film as WebP at the best quality that is small enough."""
     for quality in QUALITIES:
         file = io.BytesIO()
-        film = {"save_all": True, "append_images": pictures[1:], "duration": FILM_MS, "loop": 0} if pictures[1:] else {}
-        pictures[0].save(file, "WEBP", quality=quality, method=6, **film)
-        if file.tell() <= largest:
+        options = (
+            {"save_all": True, "append_images": pictures[1:], "duration": FILM_FRAME_MS, "loop": 0}
+            if pictures[1:]
+            else {}
+        )
+        pictures[0].save(file, "WEBP", quality=quality, method=6, **options)
+        if file.tell() <= max_bytes:
             break
     return file.getvalue()
 
 
 def main(names: Sequence[str]) -> None:
-    """Take the named pictures, or all."""
+    """Take the named pictures, or all pictures."""
     path = chromium_path()
     if path is None:
         raise SystemExit(f"There is no Chromium at $CHROMIUM nor at {CHROMIUM[-1]}.")
@@ -220,9 +231,9 @@ def main(names: Sequence[str]) -> None:
     ):
         for name in names or [*SHOTS, FILM]:
             for scheme in SCHEMES:
-                pictures = filmed(open_page, scheme) if name == FILM else [taken(open_page, SHOTS[name], scheme)]
+                pictures = film(open_page, scheme) if name == FILM else [take(open_page, SHOTS[name], scheme)]
                 picture, file = pictures[0], FOLDER / f"{name}-{scheme}.webp"
-                file.write_bytes(encoded(pictures, FILM_LARGEST if name == FILM else LARGEST))
+                file.write_bytes(encoded(pictures, FILM_MAX_BYTES if name == FILM else MAX_BYTES))
                 print(f"{file.name}: {picture.width} × {picture.height} px, {file.stat().st_size / 1000:.0f} kB")
 
 

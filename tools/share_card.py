@@ -1,7 +1,7 @@
 """Draw the preview picture of links to the project: ``python -m tools.share_card`` writes it to ``deployment``.
 
-The proxy refers to it in links to the app; GitHub takes its 1280 × 640 px under Settings, Social preview. All data in
-it is measured while it is drawn.
+The proxy refers to it in links to the app; on GitHub it is uploaded under Settings, Social preview, with its 1280 × 640
+px. All data in it are measured while it is drawn.
 """
 
 from __future__ import annotations
@@ -22,9 +22,11 @@ from stereolag.ui.navigation import HOME_ICON
 CARD = Path(__file__).parents[1] / "deployment" / "share-card.png"
 WIDTH, HEIGHT = 1280, 640
 MARGIN = 64
-SEAM = 610
-FINER = 3
-"""Lines and letters are drawn this much larger and then reduced, because PIL's lines are not anti-aliased."""
+PICTURE_LEFT = 610
+"""Column at which the picture of depth begins, px."""
+
+OVERSAMPLING = 3
+"""Factor by which lines and letters are drawn larger and then reduced, because PIL's lines are not anti-aliased."""
 
 BACKGROUND, TEXT, LINK = "#fcfbf9", "#17151d", "#4a3c8c"
 QUESTIONS = ("How far apart are two sensors?", "Where is this template?", "How far away is everything?")
@@ -32,7 +34,7 @@ QUESTIONS = ("How far apart are two sensors?", "Where is this template?", "How f
 Point = tuple[float, float]
 
 
-def depth() -> Rgb:
+def depth_picture() -> Rgb:
     """Return a picture of the card's height: a photograph that turns into its disparity map."""
     pair = stereo_pairs()["giraffes"]
     left = sl.read_image(pair.left)
@@ -43,10 +45,10 @@ def depth() -> Rgb:
     scale = HEIGHT / left.shape[0]
     size = (round(left.shape[1] * scale), HEIGHT)
     halves = [Image.fromarray(half).resize(size, Image.Resampling.LANCZOS) for half in (as_rgb(left), colours)]
-    both, map_ = (np.asarray(half)[:, -(WIDTH - SEAM) :].copy() for half in halves)
-    seam = both.shape[1] * 2 // 5
-    both[:, seam:] = map_[:, seam:]
-    return both
+    photograph, map_ = (np.asarray(half)[:, -(WIDTH - PICTURE_LEFT) :].copy() for half in halves)
+    seam = photograph.shape[1] * 2 // 5
+    photograph[:, seam:] = map_[:, seam:]
+    return photograph
 
 
 def curve(width: int, height: int, columns: int = 400) -> tuple[list[Point], Point]:
@@ -58,8 +60,8 @@ def curve(width: int, height: int, columns: int = 400) -> tuple[list[Point], Poi
     around = found.correlation[peak - 40_000 : peak + 40_000]
     # The most extreme value of each column, because peaks are narrower than a pixel.
     parts = around.reshape(columns, -1)
-    furthest = parts[np.arange(columns), np.abs(parts).argmax(axis=1)]
-    heights = height * (furthest.max() - furthest) / np.ptp(furthest)
+    extremes = parts[np.arange(columns), np.abs(parts).argmax(axis=1)]
+    heights = height * (extremes.max() - extremes) / np.ptp(extremes)
     points = [(width * column / (columns - 1), float(y)) for column, y in enumerate(heights)]
     return points, min(points, key=lambda point: point[1])
 
@@ -80,22 +82,26 @@ def icon() -> tuple[str, str, list[Point]]:
 
 
 def placed(points: Sequence[Point], left: float, top: float, scale: float = 1.0) -> list[Point]:
-    """Return points scaled and moved on the finer card."""
-    return [(FINER * (left + scale * x), FINER * (top + scale * y)) for x, y in points]
+    """Return points scaled and moved on the oversampled card."""
+    return [(OVERSAMPLING * (left + scale * x), OVERSAMPLING * (top + scale * y)) for x, y in points]
 
 
 def draw() -> Image.Image:
     """Return the card."""
-    fine = Image.new("RGB", (FINER * WIDTH, FINER * HEIGHT), BACKGROUND)
+    fine = Image.new("RGB", (OVERSAMPLING * WIDTH, OVERSAMPLING * HEIGHT), BACKGROUND)
     pen = ImageDraw.Draw(fine)
 
     side, line, points = icon()
-    pen.rounded_rectangle(placed([(0, 0), (72, 72)], MARGIN, MARGIN), radius=16 * FINER, fill=side)
-    pen.line(placed(points, MARGIN, MARGIN, 72 / 64), fill=line, width=round(4.5 * FINER), joint="curve")
+    pen.rounded_rectangle(placed([(0, 0), (72, 72)], MARGIN, MARGIN), radius=16 * OVERSAMPLING, fill=side)
+    pen.line(placed(points, MARGIN, MARGIN, 72 / 64), fill=line, width=round(4.5 * OVERSAMPLING), joint="curve")
 
     def write(words: str, size: int, left: float, top: float, colour: str) -> None:
         pen.text(
-            (FINER * left, FINER * top), words, fill=colour, font=ImageFont.load_default(FINER * size), anchor="ls"
+            (OVERSAMPLING * left, OVERSAMPLING * top),
+            words,
+            fill=colour,
+            font=ImageFont.load_default(OVERSAMPLING * size),
+            anchor="ls",
         )
 
     write("stereolag", 76, MARGIN + 92, MARGIN + 62, TEXT)
@@ -103,13 +109,13 @@ def draw() -> Image.Image:
     for row, question in enumerate(QUESTIONS):
         write(question, 28, MARGIN, 270 + 42 * row, TEXT)
 
-    points, peak = curve(SEAM - 2 * MARGIN, 150)
+    points, peak = curve(PICTURE_LEFT - 2 * MARGIN, 150)
     ((x, y),) = placed([peak], MARGIN, 426)
-    pen.line(placed(points, MARGIN, 426), fill=CORRELATION, width=2 * FINER, joint="curve")
-    pen.ellipse((x - 8 * FINER, y - 8 * FINER, x + 8 * FINER, y + 8 * FINER), fill=PEAK)
+    pen.line(placed(points, MARGIN, 426), fill=CORRELATION, width=2 * OVERSAMPLING, joint="curve")
+    pen.ellipse((x - 8 * OVERSAMPLING, y - 8 * OVERSAMPLING, x + 8 * OVERSAMPLING, y + 8 * OVERSAMPLING), fill=PEAK)
 
     card = fine.resize((WIDTH, HEIGHT), Image.Resampling.LANCZOS)
-    card.paste(Image.fromarray(depth()), (SEAM, 0))
+    card.paste(Image.fromarray(depth_picture()), (PICTURE_LEFT, 0))
     return card
 
 

@@ -1,4 +1,4 @@
-"""Calibration boards in pictures: their corners, their coverage, and the error of each pair."""
+"""Calibration boards in images: their corners, the area they cover, and the reprojection error of each pair."""
 
 from __future__ import annotations
 
@@ -14,23 +14,31 @@ from stereolag.figures.charts import LEGEND_ABOVE, laid_out
 from stereolag.figures.pictures import FRAME, SENSOR_1, SENSOR_2, VIRIDIS, Rgba, as_rgb, fitted
 from stereolag.geometry.boards import Board, Corners
 
-SHOWN_WIDTH = 720
+CORNERS_WIDTH_PX = 720
 """Width of a picture with its corners, px."""
 
-COVERED_WIDTH = 420
-INK, EDGE = VIRIDIS[110], (150, 146, 138)
-"""Colours of the coverage picture, which is transparent elsewhere: both show on the light and on the dark page."""
+COVERAGE_WIDTH_PX = 420
+"""Width of the coverage picture, px."""
 
-OPACITY = 0.2
-"""Opacity of one board; it adds up where boards overlap."""
+COVERAGE_COLOUR = VIRIDIS[110]
+"""Colour of boards in the coverage picture, which is transparent elsewhere: visible on the light and the dark page."""
 
-LEFT_OUT_COLOUR = "#9a9a9a"
-ROW_LINES = 14
+BORDER_COLOUR = (150, 146, 138)
+"""Colour of its border, visible on both pages too."""
+
+BOARD_OPACITY = 0.2
+"""Opacity of one board; overlapping boards are more opaque."""
+
+UNUSED_COLOUR = "#9a9a9a"
+"""Colour of pairs that are not used."""
+
+ROW_LINE_COUNT = 14
+"""Number of lines across a rectified pair."""
 
 
 def with_corners(image: Image, corners: Corners | None, board: Board) -> Rgb:
     """Return a picture with the detected corners joined row by row, each row in its own colour."""
-    picture = np.ascontiguousarray(fitted(image, SHOWN_WIDTH))
+    picture = np.ascontiguousarray(fitted(image, CORNERS_WIDTH_PX))
     if corners is None:
         return picture
     factor = picture.shape[1] / image.shape[1]
@@ -49,25 +57,25 @@ def with_corners(image: Image, corners: Corners | None, board: Board) -> Rgb:
 
 
 def coverage_picture(corners: Sequence[Corners], size: tuple[int, int]) -> Rgba:
-    """Return a transparent picture, RGBA, in the proportions of `size` (width, height) with all boards detected."""
-    factor = COVERED_WIDTH / size[0]
+    """Return all boards detected on a transparent picture, RGBA, with the aspect ratio of `size`, (width, height)."""
+    factor = COVERAGE_WIDTH_PX / size[0]
     height = max(1, round(size[1] * factor))
-    seen_through = np.ones((height, COVERED_WIDTH))
+    transparency = np.ones((height, COVERAGE_WIDTH_PX))
     for one in corners:
-        here = np.zeros((height, COVERED_WIDTH), np.uint8)
-        cv2.fillConvexPoly(here, cv2.convexHull(np.rint(one.points * factor).astype(np.int32)), 1)
-        seen_through[here > 0] *= 1 - OPACITY
-    opacity = np.rint(255 * (1 - seen_through)).astype(np.uint8)
+        covered = np.zeros((height, COVERAGE_WIDTH_PX), np.uint8)
+        cv2.fillConvexPoly(covered, cv2.convexHull(np.rint(one.points * factor).astype(np.int32)), 1)
+        transparency[covered > 0] *= 1 - BOARD_OPACITY
+    opacity = np.rint(255 * (1 - transparency)).astype(np.uint8)
     for one in corners:
         for place in np.rint(one.points * factor).astype(int):
             cv2.circle(opacity, (int(place[0]), int(place[1])), 1, 255, -1, cv2.LINE_AA)
-    picture = np.dstack([np.full((height, COVERED_WIDTH, 3), INK, np.uint8), opacity])
-    cv2.rectangle(picture, (0, 0), (COVERED_WIDTH - 1, height - 1), (*EDGE, 255), 1)
+    picture = np.dstack([np.full((height, COVERAGE_WIDTH_PX, 3), COVERAGE_COLOUR, np.uint8), opacity])
+    cv2.rectangle(picture, (0, 0), (COVERAGE_WIDTH_PX - 1, height - 1), (*BORDER_COLOUR, 255), 1)
     return picture
 
 
 def error_bars(
-    names: Sequence[str], left: Sequence[float], right: Sequence[float], counts: Sequence[bool], shown: int
+    names: Sequence[str], left: Sequence[float], right: Sequence[float], used: Sequence[bool], shown: int
 ) -> go.Figure:
     """Return the reprojection error of each pair, px, as two bars; a click returns the number of the pair.
 
@@ -77,14 +85,14 @@ def error_bars(
         Names of the pairs.
     left, right
         RMS error of each image, px; NaN = unknown.
-    counts
+    used
         Whether each pair is used; others are grey.
     shown
-        Number of the pair on show; its name is bold.
+        Number of the pair being shown; its name is bold.
     """
     figure = go.Figure()
     for side, values, colour in (("left", left, SENSOR_1), ("right", right, SENSOR_2)):
-        colours = [colour if used else LEFT_OUT_COLOUR for used in counts]
+        colours = [colour if is_used else UNUSED_COLOUR for is_used in used]
         figure.add_trace(
             go.Bar(
                 x=[*range(len(names))],
@@ -94,9 +102,11 @@ def error_bars(
                 hovertemplate=f"{side}: %{{y:.2f}} px<extra></extra>",
             )
         )
-    known = [value for value, used in zip((*left, *right), (*counts, *counts), strict=True) if used and value == value]
+    known = [
+        error for error, is_used in zip((*left, *right), (*used, *used), strict=True) if is_used and error == error
+    ]
     if known:
-        # Only the pairs in use set the range: the error of one left out may be a hundred times larger.
+        # Only the pairs in use determine the range: the error of another may be a hundred times larger.
         figure.update_yaxes(range=(0, 1.6 * max(known)))
     labels = [f"<b>{name}</b>" if number == shown else name for number, name in enumerate(names)]
     x = {"tickvals": [*range(len(names))], "ticktext": labels, "title": "pair"}
@@ -106,9 +116,9 @@ def error_bars(
 
 
 def with_row_lines(left: Image, right: Image) -> Rgb:
-    """Return a rectified pair side by side with lines along rows: a point on a line is on it in both images."""
-    both = np.hstack([fitted(image, SHOWN_WIDTH) for image in (as_rgb(left), as_rgb(right))])
+    """Return a rectified pair side by side with lines along rows: corresponding points are on the same line."""
+    both = np.hstack([fitted(image, CORNERS_WIDTH_PX) for image in (as_rgb(left), as_rgb(right))])
     picture = np.ascontiguousarray(both)
-    for row in np.linspace(0, picture.shape[0] - 1, ROW_LINES + 2)[1:-1].astype(int):
+    for row in np.linspace(0, picture.shape[0] - 1, ROW_LINE_COUNT + 2)[1:-1].astype(int):
         cv2.line(picture, (0, int(row)), (picture.shape[1] - 1, int(row)), FRAME, 1)
     return picture

@@ -1,4 +1,4 @@
-"""The common look of all charts: narrow margins, a legend above, rings around points, and the legend of colours."""
+"""The layout shared by all charts, points marked by rings, and colour legends."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ LEGEND_ABOVE = {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"}
 DASHES = ("solid", "dash", "dot", "dashdot")
 
 Axis = str | Mapping[str, Any]
-"""The title of an axis, or several of Plotly's properties of it."""
+"""The title of an axis, or a mapping of its Plotly properties."""
 
 
 def laid_out(figure: go.Figure, height: int, x: Axis, y: Axis, *, margin: int = 8, **layout: Any) -> go.Figure:
-    """Return the figure `height` px high with its axes described; `layout` holds Plotly's other properties."""
+    """Return the figure, `height` px high, with its axes set; `layout` holds other properties of Plotly's layout."""
     figure.update_layout(height=height, margin=dict.fromkeys("lrtb", margin), **layout)
     figure.update_xaxes({"title": x} if isinstance(x, str) else x)
     return figure.update_yaxes({"title": y} if isinstance(y, str) else y)
 
 
 def rings(x: Any, y: Any, colour: str, size: int, thickness: float, **more: Any) -> go.Scatter:
-    """Return points marked by rings; with `text`, each is labelled in its colour."""
+    """Return points marked by rings and, with `text`, labelled in the same colour."""
     if "text" in more:
         more = {"mode": "markers+text", "textfont": {"color": colour}, "cliponaxis": False} | more
     marker = {"color": colour, "size": size, "symbol": "circle-open", "line": {"width": thickness}}
@@ -34,9 +34,9 @@ def rings(x: Any, y: Any, colour: str, size: int, thickness: float, **more: Any)
 
 
 def legend(low: float, high: float, palette: Rgb, title: str, ticks: Mapping[float, str] | None = None) -> go.Figure:
-    """Return the colours of a (256, 3) palette, from `low` to `high`, over an axis with a title.
+    """Return the colours of a (256, 3) palette, from `low` to `high`, above an axis with a title.
 
-    `ticks` maps values to labels; without it the axis chooses its own.
+    `ticks` maps values to labels; without it Plotly chooses them.
     """
     shares = np.linspace(0, 1, len(palette))
     scale = [[share, "rgb({},{},{})".format(*colour)] for share, colour in zip(shares, palette, strict=True)]

@@ -17,22 +17,23 @@ from stereolag.geometry.scene import BirdsEyeView
 Points = npt.NDArray[np.float32]
 Colours = npt.NDArray[np.uint8]
 
-HEIGHT = 620
+HEIGHT_PX = 620
 PALETTE_SIZE = 256
-SMALLEST_POINTS, LARGEST_POINTS = 1.6, 3.2
-POINTS_AT_SMALLEST = 60_000
+MIN_POINT_PX, MAX_POINT_PX = 1.6, 3.2
+POINTS_AT_MIN_SIZE = 60_000
+"""Number of points from which they are drawn at the smallest size."""
 
 
 def point_cloud(points: Points, colours: Colours, unit: str, *, turned: float = 0.0, raised: float = 0.0) -> go.Figure:
-    """Return a cloud to turn by hand, first seen from the left camera.
+    """Return a point cloud that can be turned by hand, first seen from the left camera.
 
     Parameters
     ----------
     points
         (n, 3): X to the right, Y down, Z forward; drawn in the same orientation.
     colours
-        (n, 3) RGB. Sent to the browser as indices into a palette of 256 made for this cloud: colour strings for
-        100,000 points take it seconds.
+        (n, 3) RGB. Sent to the browser as indices into a palette of 256 colours made for this cloud, since it takes
+        seconds to read 100,000 points with a colour string each.
     unit
         Unit of the coordinates.
     turned, raised
@@ -40,7 +41,7 @@ def point_cloud(points: Points, colours: Colours, unit: str, *, turned: float = 
         left camera, and above it.
     """
     palette, index = _palette(colours)
-    size = float(np.clip(SMALLEST_POINTS * np.sqrt(POINTS_AT_SMALLEST / len(points)), SMALLEST_POINTS, LARGEST_POINTS))
+    size = float(np.clip(MIN_POINT_PX * np.sqrt(POINTS_AT_MIN_SIZE / len(points)), MIN_POINT_PX, MAX_POINT_PX))
     figure = go.Figure(
         go.Scatter3d(
             x=points[:, 0],
@@ -72,13 +73,13 @@ def point_cloud(points: Points, colours: Colours, unit: str, *, turned: float = 
         "aspectmode": "manual",
         "aspectratio": dict(zip("xyz", (2 * (high - low) / (high - low).max()).tolist(), strict=True)),
     }
-    return laid_out(figure, HEIGHT, {}, {}, margin=0, scene=scene)
+    return laid_out(figure, HEIGHT_PX, {}, {}, margin=0, scene=scene)
 
 
 def birds_eye(view: BirdsEyeView, unit: str) -> go.Figure:
     """Return a cloud seen from above, with the camera at the bottom and the same scale on both axes."""
     rows, cols = view.picture.shape[:2]
-    seen = go.Image(
+    cloud = go.Image(
         source=data_url(png(view.picture)),
         x0=view.left + view.cell / 2,
         dx=view.cell,
@@ -100,7 +101,7 @@ def birds_eye(view: BirdsEyeView, unit: str) -> go.Figure:
     axis = {"zeroline": False, "constrain": "domain"}
     x = {"title": f"X, {unit}", "range": [min(view.left, 0), max(right, 0)], **axis}
     y = {"title": f"distance, {unit}", "range": [0, far], "scaleanchor": "x", "rangemode": "tozero", **axis}
-    return laid_out(go.Figure([seen, camera]), HEIGHT, x, y, showlegend=False, dragmode="pan")
+    return laid_out(go.Figure([cloud, camera]), HEIGHT_PX, x, y, showlegend=False, dragmode="pan")
 
 
 def _palette(colours: Colours) -> tuple[list[list[Any]], npt.NDArray[np.uint8]]:
@@ -108,10 +109,10 @@ def _palette(colours: Colours) -> tuple[list[list[Any]], npt.NDArray[np.uint8]]:
     picture = PillowImage.fromarray(np.ascontiguousarray(colours[None])).quantize(
         PALETTE_SIZE, method=PillowImage.Quantize.MEDIANCUT, dither=PillowImage.Dither.NONE
     )
-    chosen = np.zeros((PALETTE_SIZE, 3), dtype=np.uint8)
+    palette = np.zeros((PALETTE_SIZE, 3), dtype=np.uint8)
     found = np.array(picture.getpalette(), dtype=np.uint8).reshape(-1, 3)[:PALETTE_SIZE]
-    chosen[: len(found)] = found
-    scale = [[number / (PALETTE_SIZE - 1), "rgb({},{},{})".format(*colour)] for number, colour in enumerate(chosen)]
+    palette[: len(found)] = found
+    scale = [[number / (PALETTE_SIZE - 1), "rgb({},{},{})".format(*colour)] for number, colour in enumerate(palette)]
     return scale, np.asarray(picture, dtype=np.uint8)[0]
 
 
@@ -127,15 +128,15 @@ def _axis(title: str, low: float, high: float) -> dict[str, Any]:
 
 
 def _camera(low: Vector, high: Vector, distance: float, turned: float, raised: float) -> dict[str, Any]:
-    """Return a camera at the origin that looks at the point straight ahead at `distance`, turned about that point.
+    """Return a camera that looks from the origin at the point straight ahead at `distance`, turned about that point.
 
-    Plotly measures a camera from the middle of the drawn box, in the units of its sides.
+    Plotly's coordinates of a camera are relative to the middle of the box, whose longest side is 2.
     """
     unit, middle = 2 / (high - low).max(), (low + high) / 2
     target = np.array([0, distance, 0])
-    away = np.array([np.sin(turned) * np.cos(raised), -np.cos(turned) * np.cos(raised), np.sin(raised)])
+    direction = np.array([np.sin(turned) * np.cos(raised), -np.cos(turned) * np.cos(raised), np.sin(raised)])
     return {
-        "eye": dict(zip("xyz", ((target + distance * away - middle) * unit).tolist(), strict=True)),
+        "eye": dict(zip("xyz", ((target + distance * direction - middle) * unit).tolist(), strict=True)),
         "center": dict(zip("xyz", ((target - middle) * unit).tolist(), strict=True)),
         "up": {"x": 0, "y": 0, "z": 1},
     }

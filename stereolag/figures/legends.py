@@ -1,4 +1,4 @@
-"""Colours of disparity maps, their legends on the page and below a picture, and their coloured files."""
+"""Palettes of disparity maps, legends for the page and for pictures, and files of coloured maps and points."""
 
 from __future__ import annotations
 
@@ -37,25 +37,27 @@ PALETTES: dict[str, Rgb] = {
     "plasma": palette(cv2.COLORMAP_PLASMA),
     "turbo": palette(cv2.COLORMAP_TURBO),
 }
-"""Palettes to choose from, far to near; none contains the grey of no disparity."""
+"""Palettes that can be chosen, from far to near; none contains the grey of no disparity."""
 
 WHEEL_PX = 144
 """Diameter of the wheel, shown at half that size."""
 
-MOST_STEPS = 5
-"""Most steps between the values along a legend."""
+MAX_STEPS = 5
+"""Largest number of steps between the values along a legend."""
 
-NARROWEST = 360
-DESIGNED_FOR = 900
-"""Px; up to this image width a printed legend has the sizes below, beyond it grows in proportion."""
+MIN_WIDTH_PX = 360
+"""Least width of a picture with a legend, px."""
 
-TEXT, MARGIN, BAR, TICK, GAP = 14, 24, 14, 5, 8
+UNSCALED_WIDTH_PX = 900
+"""Image width up to which its legend has the sizes below, px; for a wider image they grow in proportion."""
+
+TEXT_PX, MARGIN_PX, BAR_PX, TICK_PX, GAP_PX = 14, 24, 14, 5, 8
 PAPER, INK = (255, 255, 255), (30, 30, 30)
 
 
 @dataclass(frozen=True, eq=False)
 class Colours:
-    """The colours all maps share, a (256, 3) uint8 palette from `low` to `high`, and the outlines over them.
+    """The colours that all maps share, a (256, 3) uint8 palette from `low` to `high` px, and outlines over the maps.
 
     `outlines` is an SVG path, px of the whole picture; "" = none. It is sent separately.
     """
@@ -89,7 +91,7 @@ class Legend:
     strip
         Whether the colours form a continuous strip.
     ticks
-        Values along the strip: (share of its length, word, word below it).
+        Values along the strip: (share of its length, label, label below it).
     picture
         Data URL of a picture used instead of a strip, such as a wheel; "" = none.
     """
@@ -113,11 +115,11 @@ def strip_legend(
 ) -> Legend:
     """Return the legend of a (256, 3) palette from `low` to `high`, with ticks at round values.
 
-    `ends` are written at its ends; `below` returns a second word for a value, such as metres for a disparity.
+    `ends` are the labels of its ends; `below` returns a second label for a value, such as metres for a disparity.
     """
     ticks = tuple(
         ((value - low) / (high - low), typeset(f"{value:g}"), below(value) if below else "")
-        for value in round_values(low, high, MOST_STEPS)
+        for value in round_values(low, high, MAX_STEPS)
     )
     return Legend(title, tuple(hexadecimal(colour) for colour in palette[::17]), ends, True, ticks)
 
@@ -138,10 +140,10 @@ def hexadecimal(colour: Sequence[int] | Rgb) -> str:
     return "#{:02x}{:02x}{:02x}".format(*(int(part) for part in colour))
 
 
-def round_values(low: float, high: float, most_steps: int = 8) -> list[float]:
-    """Return the multiples of 1, 2 or 5 times a power of ten from low to high, in at most `most_steps` steps."""
-    power = 10 ** math.floor(math.log10((high - low) / most_steps))
-    step = next(factor * power for factor in (1, 2, 5, 10) if (high - low) / (factor * power) <= most_steps)
+def round_values(low: float, high: float, max_steps: int = 8) -> list[float]:
+    """Return the multiples of 1, 2 or 5 times a power of ten from low to high, in at most `max_steps` steps."""
+    power = 10 ** math.floor(math.log10((high - low) / max_steps))
+    step = next(factor * power for factor in (1, 2, 5, 10) if (high - low) / (factor * power) <= max_steps)
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     return [float(f"{number * step:.12g}") for number in range(first, last + 1)]
 
@@ -186,35 +188,35 @@ def with_legend(picture: Rgb, low: float, high: float, palette: Rgb, title: str)
         uint8 RGB, at least 360 px wide.
     """
     rows, cols = picture.shape[:2]
-    width = max(cols, NARROWEST)
-    unit = max(1.0, width / DESIGNED_FOR)
-    canvas = PillowImage.new("RGB", (width, rows + round(unit * (2 * TEXT + BAR + TICK + 5 * GAP))), PAPER)
+    width = max(cols, MIN_WIDTH_PX)
+    unit = max(1.0, width / UNSCALED_WIDTH_PX)
+    canvas = PillowImage.new("RGB", (width, rows + round(unit * (2 * TEXT_PX + BAR_PX + TICK_PX + 5 * GAP_PX))), PAPER)
     canvas.paste(PillowImage.fromarray(picture), ((width - cols) // 2, 0))
     from PIL import ImageDraw, ImageFont  # 40 ms to load
 
     draw = ImageDraw.Draw(canvas)
-    font = ImageFont.load_default(TEXT * unit)
-    left, right = MARGIN * unit, width - MARGIN * unit
+    font = ImageFont.load_default(TEXT_PX * unit)
+    left, right = MARGIN_PX * unit, width - MARGIN_PX * unit
 
-    line = rows + unit * (GAP + TEXT)
+    line = rows + unit * (GAP_PX + TEXT_PX)
     draw.text((left, line), title, INK, font, anchor="ls")
     draw.text((right, line), "no disparity", INK, font, anchor="rs")
-    swatch = right - draw.textlength("no disparity", font) - unit * GAP
-    draw.rectangle((swatch - unit * TEXT, line - unit * TEXT + unit, swatch, line), fill=NO_ANSWER)
+    swatch = right - draw.textlength("no disparity", font) - unit * GAP_PX
+    draw.rectangle((swatch - unit * TEXT_PX, line - unit * TEXT_PX + unit, swatch, line), fill=NO_ANSWER)
 
-    top = line + unit * GAP
-    bottom = top + unit * BAR
+    top = line + unit * GAP_PX
+    bottom = top + unit * BAR_PX
     bar = PillowImage.fromarray(palette[None]).resize((round(right - left), round(bottom - top)))
     canvas.paste(bar, (round(left), round(top)))
     for value in round_values(low, high):
         column = left + (value - low) / (high - low) * (right - left)
-        draw.line((column, bottom, column, bottom + unit * TICK), INK, max(1, round(unit)))
-        draw.text((column, bottom + unit * (TICK + GAP / 2)), f"{value:g}", INK, font, anchor="mt")
+        draw.line((column, bottom, column, bottom + unit * TICK_PX), INK, max(1, round(unit)))
+        draw.text((column, bottom + unit * (TICK_PX + GAP_PX / 2)), f"{value:g}", INK, font, anchor="mt")
     return np.array(canvas)
 
 
-LEGEND = "disparity, px: from far to near"
-MOST_POINTS = 2_000_000
+LEGEND_TITLE = "disparity, px: from far to near"
+MAX_POINTS = 2_000_000
 
 
 def coloured_png(disparity: FloatMap, low: float, high: float, palette: Rgb = VIRIDIS) -> bytes:
@@ -229,14 +231,14 @@ def coloured_png(disparity: FloatMap, low: float, high: float, palette: Rgb = VI
     palette
         (256, 3) uint8 RGB, from far to near.
     """
-    return image_png(with_legend(coloured(disparity, low, high, palette), low, high, palette, LEGEND))
+    return image_png(with_legend(coloured(disparity, low, high, palette), low, high, palette, LEGEND_TITLE))
 
 
 def cloud_ply(calibration: Calibration, disparity: FloatMap, left: Image) -> bytes:
     """Return the points of a disparity map in metres and in the colours of the left image, as a binary PLY.
 
-    Flying pixels are left out; above 2 million points a uniform random sample is kept, the same every time.
+    Flying pixels are left out. Of more than 2 million points, a uniform random sample is kept, always the same.
     """
     from stereolag.geometry.scene import clean_point_cloud
 
-    return ply(*clean_point_cloud(calibration, disparity, as_rgb(left), max_points=MOST_POINTS))
+    return ply(*clean_point_cloud(calibration, disparity, as_rgb(left), max_points=MAX_POINTS))

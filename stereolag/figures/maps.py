@@ -1,4 +1,4 @@
-"""Disparity maps coloured by error, difference and reason; charts that compare them."""
+"""Disparity maps coloured by error, difference and reason, and charts that compare them."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ def image_into_map(image: Image, disparity: FloatMap, low: float, high: float) -
     return png(picture)
 
 
-MOST_SHOWN_PX = 4.0
-"""Larger errors share the last colour."""
+MAX_ERROR_PX = 4.0
+"""Error at the last colour, which larger errors share, px."""
 
 NO_TRUTH = (0, 0, 0)
 """Black: all error colours are lighter."""
 
-SPARSE = 0.5
-"""Ground truth for a smaller share of the pixels is drawn thicker: a laser scanner gives thin lines of dots."""
+SPARSE_SHARE = 0.5
+"""Ground truth of a smaller share of the pixels is drawn thicker: a laser scanner's is thin lines of dots."""
 
 METHOD_COLOURS = (CORRELATION, SENSOR_2, SENSOR_1, PEAK)
 SYMBOLS = ("diamond", "circle", "square", "cross")
@@ -64,19 +64,22 @@ def _ramp(*stops: Colour) -> Rgb:
 
 
 ERROR_COLOURS = _ramp((49, 54, 149), (116, 173, 209), (224, 243, 248), (253, 174, 97), (165, 0, 38))
-"""Blue is right and red is wrong, as on KITTI's error maps: ColorBrewer's RdYlBu, reversed."""
+"""From blue, right, to red, wrong, as on KITTI's error maps: ColorBrewer's RdYlBu, reversed."""
 
 
 def error_png(disparity: FloatMap, truth: FloatMap) -> bytes:
-    """Return |disparity - ground truth| as a PNG, thinned if wide: red from 4 px, no disparity grey, no truth black."""
+    """Return |disparity - ground truth| as a PNG: red from 4 px on, grey without a disparity, black without a truth.
+
+    It is thinned if it is wide.
+    """
     known = np.isfinite(truth)
-    picture = coloured(np.abs(disparity - truth), 0, MOST_SHOWN_PX, ERROR_COLOURS)
+    picture = coloured(np.abs(disparity - truth), 0, MAX_ERROR_PX, ERROR_COLOURS)
     picture[~known] = NO_TRUTH
-    return png(thinned(_thickened(picture, known) if known.mean() < SPARSE else picture))
+    return png(thinned(_thickened(picture, known) if known.mean() < SPARSE_SHARE else picture))
 
 
 def _thickened(picture: Rgb, known: Mask) -> Rgb:
-    """Return the image with its known pixels spread over 3 × 3 where there is room, to make them visible."""
+    """Return the picture with its known pixels spread over unknown ones in 3 × 3 px, to make them visible."""
     picture, known = np.pad(picture, ((1, 1), (1, 1), (0, 0))), np.pad(known, 1)
     for axis in (0, 1):
         for shift in (1, -1):
@@ -88,13 +91,16 @@ def _thickened(picture: Rgb, known: Mask) -> Rgb:
 
 @cache
 def error_legend() -> go.Figure:
-    """Return the legend of the error colours, made once; it must not be changed."""
-    ticks = {0: "0", 1: "1", 2: "2", 3: "3", MOST_SHOWN_PX: "≥ 4"}
-    return legend(0, MOST_SHOWN_PX, ERROR_COLOURS, "right ← error, px → wrong", ticks)
+    """Return the legend of the error colours; it is shared and must not be changed."""
+    ticks = {0: "0", 1: "1", 2: "2", 3: "3", MAX_ERROR_PX: "≥ 4"}
+    return legend(0, MAX_ERROR_PX, ERROR_COLOURS, "right ← error, px → wrong", ticks)
 
 
 def error_over_coverage(curves: Mapping[str, CoverageCurve], threshold: float) -> go.Figure:
-    """Return the error rate of each method as its least sure pixels are dropped; a method without scores is a dot."""
+    """Return the error rate of each method over its coverage, as the pixels with the lowest scores are dropped.
+
+    A method without scores is a single point.
+    """
     figure = go.Figure()
     for number, (name, curve) in enumerate(curves.items()):
         colour = METHOD_COLOURS[number % len(METHOD_COLOURS)]
@@ -121,26 +127,25 @@ def error_over_coverage(curves: Mapping[str, CoverageCurve], threshold: float) -
     )
 
 
-LARGEST_DIFFERENCE = 4.0
-"""Px at the ends of the colours: fixed, so that maps shown one after another can be compared."""
-
+MAX_DIFFERENCE_PX = 4.0
+"""Difference at the ends of the colours, px: fixed, so that maps shown one after another can be compared."""
 
 BELOW_TO_ABOVE = _ramp((33, 102, 172), (146, 197, 222), (247, 247, 247), (244, 165, 130), (178, 24, 43))
 """From blue through white to red, as in ColorBrewer's RdBu, reversed."""
 
 ALL_AGREE, SOME_AGREE, ALL_DIFFER = (16, 118, 200), (244, 198, 79), (182, 57, 27)
-"""Blue and red, as on the error maps: colour-blind eyes confuse green and red."""
+"""Blue and red, as on the error maps, since green and red look alike to colour-blind people."""
 
 
 def difference_picture(difference: FloatMap) -> Rgb:
     """Return differences, px, as an image: red where positive, blue where negative, grey where a value is missing."""
-    return coloured(difference, -LARGEST_DIFFERENCE, LARGEST_DIFFERENCE, BELOW_TO_ABOVE)
+    return coloured(difference, -MAX_DIFFERENCE_PX, MAX_DIFFERENCE_PX, BELOW_TO_ABOVE)
 
 
 def agreement_picture(agreeing: npt.NDArray[np.uint8], methods: int, image: Image) -> Rgb:
     """Return the number of agreeing methods as colours over the image."""
     palette = np.array([NO_ANSWER, ALL_DIFFER, *[SOME_AGREE] * (methods - 2), ALL_AGREE], dtype=np.uint8)
-    # Shaded by the brightness of the image, to show where in the scene they are.
+    # Shaded by the brightness of the image, so that the scene can be recognised.
     shade = (0.65 + 0.35 * brightness(image).astype(np.float32) / 255)[:, :, None]
     return np.rint(palette[agreeing] * shade).astype(np.uint8)
 
@@ -154,11 +159,11 @@ REASON_COLOURS: dict[Reason, Colour] = {
     Reason.SPECKLE: (66, 192, 131),
     Reason.AT_SEARCH_EDGE: (145, 77, 13),
 }
-"""A colour for each reason but MEASURED; distinct from each other and from the image for colour-blind eyes too."""
+"""The colour of each reason but MEASURED; also for colour-blind people they differ from each other and the image."""
 
 
 def reasons_picture(reason: ReasonMap, image: Image) -> Rgb:
-    """Return the image, pale and grey where there is a measurement, with every other pixel in its reason's colour."""
+    """Return the image in pale grey, with every pixel without a measurement in the colour of its reason."""
     picture = np.stack([96 + brightness(image) // 2] * 3, axis=-1).astype(np.uint8)
     for cause, colour in REASON_COLOURS.items():
         picture[reason == cause] = colour
@@ -166,7 +171,7 @@ def reasons_picture(reason: ReasonMap, image: Image) -> Rgb:
 
 
 def share_of_reasons(reasons: Mapping[str, ReasonMap], words: Mapping[Reason, str]) -> go.Figure:
-    """Return one bar for each map: its share without a measurement, by reason.
+    """Return a bar for each map with its shares of pixels without a measurement, by reason.
 
     Parameters
     ----------
@@ -204,22 +209,25 @@ def share_of_reasons(reasons: Mapping[str, ReasonMap], words: Mapping[Reason, st
     )
 
 
-GAP = 3
-"""Px between the small maps."""
+GAP_PX = 3
+"""Gap between the small maps, px."""
 
-DRAWN_WIDTH = 640
-"""Width of the grid of maps on a typical page, px; sets its height."""
+GRID_WIDTH_PX = 640
+"""Width of the grid of maps on a typical page, px; determines its height."""
 
-SMALLEST_HEIGHT = 260
-MARKER = 18
+MIN_HEIGHT_PX = 260
+"""Least height of the grid of maps, px."""
+
+MARKER_PX = 18
+"""Size of the invisible marker that makes a cell clickable, px."""
 
 
-def sweep_maps(sheet: Sweep, names: tuple[str, str], colours: Colours, current: tuple[int, int] | None) -> go.Figure:
+def sweep_maps(sweep: Sweep, names: tuple[str, str], colours: Colours, current: tuple[int, int] | None) -> go.Figure:
     """Return the grid of small maps, in the colours of all maps; a click returns the number of the cell.
 
     Parameters
     ----------
-    sheet
+    sweep
         The sweep.
     names
         Names of the two parameters, rows first.
@@ -228,10 +236,10 @@ def sweep_maps(sheet: Sweep, names: tuple[str, str], colours: Colours, current: 
     current
         (row, col) of the cell whose settings are in use.
     """
-    height, width = sheet.maps.shape[2:]
+    height, width = sweep.maps.shape[2:]
     figure = go.Figure(
         go.Image(
-            source=_sheet_png(sheet, colours),
+            source=_maps_url(sweep, colours),
             x0=-0.5 + 0.5 / width,
             dx=1 / width,
             y0=-0.5 + 0.5 / height,
@@ -239,84 +247,80 @@ def sweep_maps(sheet: Sweep, names: tuple[str, str], colours: Colours, current: 
             hoverinfo="skip",
         )
     )
-    _as_grid(figure, sheet, names, current)
+    _as_grid(figure, sweep, names, current)
     figure.update_yaxes(scaleanchor="x", scaleratio=height / width, constrain="domain", constraintoward="bottom")
     return figure.update_xaxes(constraintoward="left")
 
 
-def sweep_bad(sheet: Sweep, names: tuple[str, str], current: tuple[int, int] | None) -> go.Figure:
-    """Return bad-2 over the same grid as a heat map, low values bright; a click returns the number of the cell."""
+def sweep_bad(sweep: Sweep, names: tuple[str, str], current: tuple[int, int] | None) -> go.Figure:
+    """Return bad-2 on the same grid as a heat map, low values bright; a click returns the number of the cell."""
     figure = go.Figure(
         go.Heatmap(
-            z=sheet.bad.astype(np.float32),
+            z=sweep.bad.astype(np.float32),
             colorscale=[[share / 255, "rgb({},{},{})".format(*VIRIDIS[255 - share])] for share in range(0, 256, 15)],
             showscale=False,
-            xgap=GAP,
-            ygap=GAP,
+            xgap=GAP_PX,
+            ygap=GAP_PX,
             texttemplate="%{z:.1f}",
             hoverinfo="skip",
         )
     )
-    return _as_grid(figure, sheet, names, current)
+    return _as_grid(figure, sweep, names, current)
 
 
-def _sheet_png(sheet: Sweep, colours: Colours) -> str:
+def _maps_url(sweep: Sweep, colours: Colours) -> str:
     """Return the maps as the data URL of a PNG, transparent between maps and in cells without one."""
-    height, width = sheet.maps.shape[2:]
-    picture = coloured(np.block([[*line] for line in sheet.maps]), colours.low, colours.high, colours.palette)
+    height, width = sweep.maps.shape[2:]
+    picture = coloured(np.block([[*line] for line in sweep.maps]), colours.low, colours.high, colours.palette)
     rows, cols = np.ogrid[: picture.shape[0], : picture.shape[1]]
-    opaque = (rows % height < height - GAP) & (cols % width < width - GAP)
-    opaque &= sheet.shown[rows // height, cols // width]
+    opaque = (rows % height < height - GAP_PX) & (cols % width < width - GAP_PX)
+    opaque &= sweep.shown[rows // height, cols // width]
     return data_url(png(np.dstack([picture, np.where(opaque, 255, 0).astype(np.uint8)])))
 
 
-def _as_grid(figure: go.Figure, sheet: Sweep, names: tuple[str, str], current: tuple[int, int] | None) -> go.Figure:
+def _as_grid(figure: go.Figure, sweep: Sweep, names: tuple[str, str], current: tuple[int, int] | None) -> go.Figure:
     """Label the cells, frame the best and the current one, and make every cell clickable."""
-    n_rows, n_cols = sheet.bad.shape
-    rows, cols = np.indices(sheet.bad.shape)
+    n_rows, n_cols = sweep.bad.shape
+    rows, cols = np.indices(sweep.bad.shape)
     figure.add_trace(
         go.Scatter(
             x=cols.ravel(),
             y=rows.ravel(),
             mode="markers",
-            marker={"size": MARKER, "color": "rgba(0,0,0,0)", "symbol": "square"},
+            marker={"size": MARKER_PX, "color": "rgba(0,0,0,0)", "symbol": "square"},
             text=[
-                typeset(f"{names[0]} {row}, {names[1]} {col}<br>" + _of_cell(sheet, down, across))
-                for down, row in enumerate(sheet.rows)
-                for across, col in enumerate(sheet.cols)
+                typeset(f"{names[0]} {row}, {names[1]} {col}<br>" + _cell_text(sweep, down, across))
+                for down, row in enumerate(sweep.rows)
+                for across, col in enumerate(sweep.cols)
             ],
             hovertemplate="%{text}<extra></extra>",
             showlegend=False,
         )
     )
-    for cell, dash in ((sheet.best, "solid"), (current, "dot")):
+    for cell, dash in ((sweep.best, "solid"), (current, "dot")):
         if cell is not None:
-            figure.add_shape(_frame(cell, dash))
-    height = DRAWN_WIDTH / n_cols * n_rows * sheet.maps.shape[2] / sheet.maps.shape[3]
+            row, col = cell
+            edges = {"x0": col - 0.49, "x1": col + 0.47, "y0": row - 0.49, "y1": row + 0.47}
+            figure.add_shape(type="rect", **edges, line={"color": PEAK, "width": 3, "dash": dash})
+    height = GRID_WIDTH_PX / n_cols * n_rows * sweep.maps.shape[2] / sweep.maps.shape[3]
     axis = {"showgrid": False, "zeroline": False, "fixedrange": True}
 
-    def values(title: str, of: tuple[Any, ...], ends: tuple[float, float]) -> dict[str, Any]:
-        ticks = [typeset(f"{value:g}") for value in of]
-        return {"title": title, "tickvals": [*range(len(of))], "ticktext": ticks, "range": ends, **axis}
+    def value_axis(title: str, values: tuple[Any, ...], ends: tuple[float, float]) -> dict[str, Any]:
+        labels = [typeset(f"{value:g}") for value in values]
+        return {"title": title, "tickvals": [*range(len(values))], "ticktext": labels, "range": ends, **axis}
 
     return laid_out(
         figure,
-        max(SMALLEST_HEIGHT, round(height) + 70),
-        values(names[1], sheet.cols, (-0.5, n_cols - 0.5)) | {"constrain": "domain"},
-        values(names[0], sheet.rows, (n_rows - 0.5, -0.5)),
+        max(MIN_HEIGHT_PX, round(height) + 70),
+        value_axis(names[1], sweep.cols, (-0.5, n_cols - 0.5)) | {"constrain": "domain"},
+        value_axis(names[0], sweep.rows, (n_rows - 0.5, -0.5)),
         dragmode=False,
         hovermode="closest",
         hoverdistance=-1,
     )
 
 
-def _frame(cell: tuple[int, int], dash: str) -> dict[str, Any]:
-    row, col = cell
-    edges = {"x0": col - 0.49, "x1": col + 0.47, "y0": row - 0.49, "y1": row + 0.47}
-    return {"type": "rect", **edges, "line": {"color": PEAK, "width": 3, "dash": dash}}
-
-
-def _of_cell(sheet: Sweep, row: int, col: int) -> str:
-    if not sheet.shown[row, col]:
-        return "does not fit" if sheet.finished else "not tried, or does not fit"
-    return f"{sheet.criterion} {sheet.bad[row, col]:.1f} %" if sheet.best else "not judged"
+def _cell_text(sweep: Sweep, row: int, col: int) -> str:
+    if not sweep.shown[row, col]:
+        return "does not fit" if sweep.finished else "not tried, or does not fit"
+    return f"{sweep.criterion} {sweep.bad[row, col]:.1f} %" if sweep.best else "not judged"

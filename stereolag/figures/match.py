@@ -1,4 +1,4 @@
-"""Figures of one match: the windows compared, the score surface, the row through its peak, and the grid of windows."""
+"""Figures of one match: the compared windows, the score surface, the row through its peak, and the window grid."""
 
 from __future__ import annotations
 
@@ -24,53 +24,57 @@ SEARCH_COLOUR = SENSOR_1
 RUNNER_UP_COLOUR = SENSOR_2
 TRUTH_COLOUR = "#2a6e3e"
 
-PATCH_SIDE = 240
-FIT_REACH = 4
-"""Px shown to either side of the peak in the figure of the sub-pixel fit."""
+PATCH_PX = 240
+"""Side to which a window is enlarged, px."""
 
-STRIP_WIDTH = 720
-"""Width of the strip on a typical screen, px; sets its height so that pixels are about square."""
+FIT_REACH_PX = 4
+"""Reach of the figure of the sub-pixel fit on either side of the peak, px."""
 
-ROW_HEIGHT = 300
+STRIP_WIDTH_PX = 720
+"""Width of the strip on a typical screen, px; determines its height so that pixels are about square."""
+
+ROW_HEIGHT_PX = 300
+"""Height of the chart of the scores below the strip, px."""
+
 LABEL_SHARE = 0.25
-"""Labels of peaks closer than this share of the row are placed on opposite sides."""
+"""Distance of two peaks, as a share of the row, below which their labels are on opposite sides."""
 
-DISPARITY_AXIS = "← nearer    disparity, px    farther →"
+DISPARITY_TITLE = "← nearer    disparity, px    farther →"
 """As in the right image, where nearer points are farther to the left."""
 
-FARTHER: dict[str, Any] = {"title": DISPARITY_AXIS, "autorange": "reversed"}
-DOWN: dict[str, Any] = {"title": "rows down", "autorange": "reversed"}
+DISPARITY_AXIS: dict[str, Any] = {"title": DISPARITY_TITLE, "autorange": "reversed"}
+ROWS_AXIS: dict[str, Any] = {"title": "rows down", "autorange": "reversed"}
 
-OTHERS = ("#3f9d6d", "#8a8a94", "#b5863b", "#4b86c9")
+OTHER_COLOURS = ("#3f9d6d", "#8a8a94", "#b5863b", "#4b86c9")
 SCORE_FORMAT, PLACE_FORMAT = ".3f", ".2~f"
-"""Set on the axes, where Plotly writes a true minus sign; it does not for a format inside a text template."""
+"""Set on the axes, where Plotly writes a true minus sign, which it does not for a format inside a text template."""
 
 SCORE_COLOURS = [[at / 15, hexadecimal(VIRIDIS[at * 17])] for at in range(16)]
 
 
 def patch_png(image: Image, box: Box) -> bytes:
-    """Return part of an image enlarged, in grey, stretched from its darkest to its brightest pixel, as a PNG."""
+    """Return part of an image as a PNG, enlarged, in grey, with its contrast stretched."""
     part = as_grey(image)[box.row : box.row + box.height, box.col : box.col + box.width].astype(np.float32)
     low, span = float(part.min()), float(np.ptp(part)) or 1.0
     stretched = np.rint((part - low) * (255 / span)).astype(np.uint8)
-    scale = max(1, PATCH_SIDE // max(box.height, box.width))
-    return png(fitted(as_rgb(stretched.repeat(scale, axis=0).repeat(scale, axis=1)), 2 * PATCH_SIDE))
+    scale = max(1, PATCH_PX // max(box.height, box.width))
+    return png(fitted(as_rgb(stretched.repeat(scale, axis=0).repeat(scale, axis=1)), 2 * PATCH_PX))
 
 
-def score_landscape(seen: MatchExplanation, searched: MatchExplanation) -> go.Figure:
-    """Return the score of every lag as a surface, with the peak and the runner-up of `searched`."""
+def score_landscape(match: MatchExplanation, searched: MatchExplanation) -> go.Figure:
+    """Return the score of every lag of `match` as a surface, with the peak and the runner-up of `searched`."""
     figure = go.Figure(
         go.Surface(
-            z=seen.surface.astype(np.float32),
-            x=-seen.dx,
-            y=seen.dy,
+            z=match.surface.astype(np.float32),
+            x=-match.dx,
+            y=match.dy,
             colorscale=SCORE_COLOURS,
             showscale=False,
             contours={"z": {"show": True, "color": "rgba(255,255,255,0.35)", "width": 1}},
             hovertemplate="disparity %{x} px, %{y} rows down: %{z}<extra></extra>",
         )
     )
-    low, high = _score_range(seen)
+    low, high = _score_range(match)
     for at, score, colour, name, side in _peaks(searched):
         # A pin with its head above the surface, so that slopes in front do not hide it.
         figure.add_trace(
@@ -100,22 +104,22 @@ def score_landscape(seen: MatchExplanation, searched: MatchExplanation) -> go.Fi
     return laid_out(figure, 420, {}, {}, margin=0, showlegend=False, scene=scene)
 
 
-def score_map(seen: MatchExplanation, searched: MatchExplanation) -> go.Figure:
-    """Return the score of every lag as a heat map, with the rows of `searched` framed if there are more."""
+def score_map(match: MatchExplanation, searched: MatchExplanation) -> go.Figure:
+    """Return the score of every lag of `match` as a heat map, with the rows of `searched` framed if they are fewer."""
     figure = go.Figure(
         go.Heatmap(
-            z=seen.surface.astype(np.float32),
-            x=-seen.dx,
-            y=seen.dy,
+            z=match.surface.astype(np.float32),
+            x=-match.dx,
+            y=match.dy,
             colorscale=SCORE_COLOURS,
-            zmin=_score_range(seen)[0],
-            zmax=_score_range(seen)[1],
+            zmin=_score_range(match)[0],
+            zmax=_score_range(match)[1],
             colorbar={"title": {"text": "score"}, "thickness": 12},
             zhoverformat=SCORE_FORMAT,
             hovertemplate="disparity %{x} px, %{y} rows down: %{z}<extra></extra>",
         )
     )
-    if searched.dy.size < seen.dy.size:
+    if searched.dy.size < match.dy.size:
         figure.add_shape(
             type="rect",
             x0=-searched.dx[-1] - 0.5,
@@ -126,112 +130,112 @@ def score_map(seen: MatchExplanation, searched: MatchExplanation) -> go.Figure:
         )
     for at, _, colour, name, _ in _peaks(searched):
         figure.add_trace(rings([-at[1]], [at[0]], colour, 13, 3, name=name, hoverinfo="skip"))
-    return laid_out(figure, 420, FARTHER, DOWN, showlegend=False)
+    return laid_out(figure, 420, DISPARITY_AXIS, ROWS_AXIS, showlegend=False)
 
 
-def score_row(seen: MatchExplanation, right: Image, others: Mapping[str, float]) -> go.Figure:
-    """Return the strip of the right image along which the window slid, above the score at every place.
+def score_row(match: MatchExplanation, right: Image, others: Mapping[str, float]) -> go.Figure:
+    """Return the strip of the right image along which the window was shifted, above the score of each disparity.
 
     Parameters
     ----------
-    seen
+    match
         The match; the row of its peak is shown.
     right
         The right image.
     others
-        {name: disparity, px} of other methods at the pixel, drawn as lines.
+        {name of another method: its disparity at the pixel, px}, drawn as lines.
     """
-    top = (seen.found or seen.search).row
-    size = seen.window.height
-    strip = as_grey(right)[top : top + size, seen.search.col : seen.search.col + seen.search.width]
+    top = (match.found or match.search).row
+    size = match.window.height
+    strip = as_grey(right)[top : top + size, match.search.col : match.search.col + match.search.width]
     # The disparity at which the window is centred on each column of the strip.
-    middle = seen.window.col + (size - 1) / 2 - (seen.search.col + np.arange(strip.shape[1]))
-    strip_height = int(np.clip(STRIP_WIDTH * size / max(strip.shape[1], 1), 40, 160))
-    height = strip_height + ROW_HEIGHT
+    middle = match.window.col + (size - 1) / 2 - (match.search.col + np.arange(strip.shape[1]))
+    strip_height = int(np.clip(STRIP_WIDTH_PX * size / max(strip.shape[1], 1), 40, 160))
+    height = strip_height + ROW_HEIGHT_PX
     figure = make_subplots(
-        rows=2, shared_xaxes=True, vertical_spacing=0.03, row_heights=[strip_height / height, ROW_HEIGHT / height]
+        rows=2, shared_xaxes=True, vertical_spacing=0.03, row_heights=[strip_height / height, ROW_HEIGHT_PX / height]
     )
     grey = go.Heatmap(z=strip, x=middle, y=np.arange(size), colorscale="gray", showscale=False, hoverinfo="skip")
     figure.add_trace(grey, row=1, col=1)
-    figure.add_trace(_line(-seen.dx, seen.row, CORRELATION, "score", markers=seen.dx.size <= 96), row=2, col=1)
-    low, high = _score_range(seen)
+    figure.add_trace(_line(-match.dx, match.row, CORRELATION, "score", markers=match.dx.size <= 96), row=2, col=1)
+    low, high = _score_range(match)
     for number, (name, disparity) in enumerate(others.items()):
-        line = {"color": OTHERS[number % len(OTHERS)], "width": 2, "dash": DASHES[number % len(DASHES)]}
+        line = {"color": OTHER_COLOURS[number % len(OTHER_COLOURS)], "width": 2, "dash": DASHES[number % len(DASHES)]}
         ends = {"x": [disparity] * 2, "y": [low, high]}
         figure.add_trace(
             go.Scatter(**ends, mode="lines", line=line, name=typeset(f"{name} {disparity:.2f} px"), hoverinfo="skip"),
             row=2,
             col=1,
         )
-    for at, score, colour, name, side in _peaks(seen):
-        if seen.peak and at[0] == seen.peak[0]:
+    for at, score, colour, name, side in _peaks(match):
+        if match.peak and at[0] == match.peak[0]:
             label = {"text": [typeset(f"{name} {score:.3f}")], "textfont": {"color": colour, "size": 13}}
             more = {"textposition": f"top {side}", "showlegend": False, "hoverinfo": "skip"}
             figure.add_trace(rings([-at[1]], [score], colour, 12, 3, **label, **more), row=2, col=1)
             edges = {"x0": -at[1] - size / 2, "x1": -at[1] + size / 2, "y0": -0.5, "y1": size - 0.5}
             figure.add_shape(type="rect", **edges, line={"color": colour, "width": 3}, row=1, col=1)
-    whole = -float(seen.dx[0]) + size / 2 + 0.5, -float(seen.dx[-1]) - size / 2 - 0.5
+    whole = -float(match.dx[0]) + size / 2 + 0.5, -float(match.dx[-1]) - size / 2 - 0.5
     below = {"orientation": "h", "x": 0, "y": -0.2, "yanchor": "top"}
     x = {"range": whole, "showgrid": False, "hoverformat": PLACE_FORMAT}
     laid_out(figure, height, x, {}, legend=below, hovermode="x")
-    figure.update_xaxes(title=DISPARITY_AXIS, row=2, col=1)
+    figure.update_xaxes(title=DISPARITY_TITLE, row=2, col=1)
     figure.update_yaxes(visible=False, autorange="reversed", row=1, col=1)
     return figure.update_yaxes(title="score", range=[low, high], hoverformat=SCORE_FORMAT, row=2, col=1)
 
 
-def sub_pixel_fit(seen: MatchExplanation) -> go.Figure:
-    """Return the scores near a peak that is not at the edge, and the curve fitted to them: its top is the disparity."""
+def sub_pixel_fit(match: MatchExplanation) -> go.Figure:
+    """Return the scores near a peak that is not at the edge, with the fitted curve, whose maximum is the disparity."""
     figure = go.Figure()
-    assert seen.peak is not None
-    near = np.abs(seen.dx - seen.peak[1]) <= FIT_REACH
+    assert match.peak is not None
+    near = np.abs(match.dx - match.peak[1]) <= FIT_REACH_PX
     fine = np.linspace(-1.5, 1.5, 121)
-    curve = seen.fit(fine)
-    figure.add_trace(_line(-(seen.peak[1] + fine), curve, PEAK, "fit"))
+    curve = match.fit(fine)
+    figure.add_trace(_line(-(match.peak[1] + fine), curve, PEAK, "fit"))
     figure.add_trace(
         go.Scatter(
-            x=-seen.dx[near],
-            y=seen.row[near].astype(np.float32),
+            x=-match.dx[near],
+            y=match.row[near].astype(np.float32),
             mode="markers",
             marker={"color": CORRELATION, "size": 10},
             hovertemplate="%{x} px: %{y}<extra></extra>",
         )
     )
     figure.add_vline(
-        x=seen.disparity,
+        x=match.disparity,
         line={"color": PEAK, "width": 2},
-        annotation={"text": typeset(f"{seen.disparity:.2f} px"), "font": {"color": PEAK, "size": 14}},
+        annotation={"text": typeset(f"{match.disparity:.2f} px"), "font": {"color": PEAK, "size": 14}},
         annotation_position="bottom right",
     )
-    x = FARTHER | {"dtick": 1, "hoverformat": PLACE_FORMAT}
+    x = DISPARITY_AXIS | {"dtick": 1, "hoverformat": PLACE_FORMAT}
     return laid_out(figure, 330, x, {"hoverformat": SCORE_FORMAT}, showlegend=False)
 
 
-def _peaks(seen: MatchExplanation) -> list[tuple[tuple[int, int], float, str, str, str]]:
-    """Return place, score, colour, name and label side of the runner-up and of the peak, if they exist."""
-    found = [
-        (seen.runner_up, seen.runner_up_score, RUNNER_UP_COLOUR, "runner-up"),
-        (seen.peak, seen.peak_score, WINDOW_COLOUR, "peak"),
+def _peaks(match: MatchExplanation) -> list[tuple[tuple[int, int], float, str, str, str]]:
+    """Return position, score, colour, name and label side of the runner-up and of the peak, if they exist."""
+    peaks = [
+        (match.runner_up, match.runner_up_score, RUNNER_UP_COLOUR, "runner-up"),
+        (match.peak, match.peak_score, WINDOW_COLOUR, "peak"),
     ]
-    apart = seen.runner_up[1] - seen.peak[1] if seen.peak and seen.runner_up else seen.dx.size
+    apart = match.runner_up[1] - match.peak[1] if match.peak and match.runner_up else match.dx.size
     sides = ("center", "center")
-    if abs(apart) < LABEL_SHARE * seen.dx.size:
+    if abs(apart) < LABEL_SHARE * match.dx.size:
         sides = ("right", "left") if apart > 0 else ("left", "right")
     return [
         (at, score, colour, name, side)
-        for (at, score, colour, name), side in zip(found, sides, strict=True)
+        for (at, score, colour, name), side in zip(peaks, sides, strict=True)
         if at is not None
     ]
 
 
-def _score_range(seen: MatchExplanation) -> tuple[float, float]:
-    """Return the ends of the score axis: just above 1 for correlations, and just below -0.2 or less for ZNCC."""
-    known = seen.surface[np.isfinite(seen.surface)]
+def _score_range(match: MatchExplanation) -> tuple[float, float]:
+    """Return the ends of the score axis: just above 1 for correlations, and just below -0.2 or lower for ZNCC."""
+    known = match.surface[np.isfinite(match.surface)]
     if known.size == 0:
         return 0.0, 1.0
     low, high = float(known.min()), float(known.max())
     # Fixed ends for correlations, so that figures can be compared.
-    if seen.score in ("zncc", "ncc"):
-        return min(low, -0.2 if seen.score == "zncc" else low) - 0.02, 1.12
+    if match.score in ("zncc", "ncc"):
+        return min(low, -0.2 if match.score == "zncc" else low) - 0.02, 1.12
     return low, high + 0.12 * (high - low)
 
 
@@ -248,18 +252,18 @@ def _line(x: Array, y: Vector, colour: str, name: str, *, markers: bool = False)
     )
 
 
-CLOSEST = 24
-"""Most windows drawn per window side; of a finer grid only every second, third … window is drawn."""
+MAX_PER_SIDE = 24
+"""Largest number of windows drawn per window side; of a finer grid only every second, third … window is drawn."""
 
-BESIDE_SHARE = 0.25
+MARGIN_SHARE = 0.25
 """Margin of image around the windows drawn, as a share of a window's side."""
 
-MANY_ACROSS = 20
-"""With more dots side by side they are drawn smaller."""
+MANY_DOTS = 20
+"""Number of dots in a row above which they are drawn smaller."""
 
-HEIGHT = 420
-FILL = "rgba(224, 68, 124, 0.06)"
-"""Nine overlapping windows still let the image show through."""
+HEIGHT_PX = 420
+WINDOW_FILL = "rgba(224, 68, 124, 0.06)"
+"""So transparent that the image shows through nine overlapping windows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,19 +272,19 @@ class WindowGrid:
 
     Attributes
     ----------
-    cut
+    part
         The part of the image drawn.
     rows, cols
-        Top rows and left columns of windows with their centres in the cut, px; each pair is one window and one value.
+        Top rows and left columns of windows with their centres in that part, px; each pair is one window and one value.
     middle
-        The window around which the cut was made.
+        The window around which the part was chosen.
     step
-        Px from one window to the next.
+        Distance from one window to the next, px.
     every
-        Every how many windows one is drawn.
+        Every `every`-th window is drawn.
     """
 
-    cut: Box
+    part: Box
     rows: Indices
     cols: Indices
     middle: Box
@@ -289,18 +293,17 @@ class WindowGrid:
 
     @property
     def values(self) -> int:
-        """Return the number of map values in the cut."""
+        """Return the number of map values in the part drawn."""
         return self.rows.size * self.cols.size
 
     @property
     def overlap(self) -> float:
-        """Return the actual overlap with the next window, 0..1 of the side: the step is in whole pixels."""
+        """Return the actual overlap with the next window, as a share of its side: the step is in whole pixels."""
         return max(0.0, 1 - self.step / self.middle.height)
 
     def drawn(self, starts: Indices, middle: int) -> Indices:
         """Return the rows or columns that are drawn: `middle`, and every `every`-th on both sides of it."""
-        shown: Indices = starts[(starts - middle) % (self.every * self.step) == 0]
-        return shown
+        return np.asarray(starts[(starts - middle) % (self.every * self.step) == 0])
 
     def neighbours(self) -> list[tuple[int, int]]:
         """Return (row, col) of the middle window and of the up to eight drawn around it."""
@@ -320,7 +323,7 @@ def window_grid(shape: tuple[int, int], middle: Box, step: int) -> WindowGrid:
     middle
         A window of the grid, entirely inside the image.
     step
-        Px from one window to the next.
+        Distance from one window to the next, px.
 
     Raises
     ------
@@ -330,10 +333,10 @@ def window_grid(shape: tuple[int, int], middle: Box, step: int) -> WindowGrid:
     if middle.row % step or middle.col % step:
         raise ValueError(f"a window at ({middle.row}, {middle.col}) is not on a grid of step {step}.")
     size = middle.height
-    every = math.ceil(size / (CLOSEST * step))
-    beside = every * step + max(2, round(BESIDE_SHARE * size))
+    every = math.ceil(size / (MAX_PER_SIDE * step))
+    margin = every * step + max(2, round(MARGIN_SHARE * size))
     (top, bottom), (left, right) = (
-        (max(0, start - beside), min(end, start + size + beside))
+        (max(0, start - margin), min(end, start + size + margin))
         for start, end in ((middle.row, shape[0]), (middle.col, shape[1]))
     )
     rows, cols = (
@@ -350,17 +353,17 @@ def _starts(first: int, last: int, end: int, size: int, step: int) -> Indices:
 
 
 def overlap_figure(image: Image, grid: WindowGrid) -> go.Figure:
-    """Return the cut of an image with neighbouring windows, darker where they overlap, and their centres as dots."""
+    """Return part of an image with neighbouring windows, darker where they overlap, and their centres as dots."""
     figure = go.Figure()
-    cut, size = grid.cut, grid.middle.height
+    part, size = grid.part, grid.middle.height
     # Plotly places the centre of a pixel at its index.
-    left, top = cut.col - 0.5, cut.row - 0.5
+    left, top = part.col - 0.5, part.row - 0.5
     figure.add_layout_image(
-        source=data_url(patch_png(image, cut)),
+        source=data_url(patch_png(image, part)),
         x=left,
         y=top,
-        sizex=cut.width,
-        sizey=cut.height,
+        sizex=part.width,
+        sizey=part.height,
         xref="x",
         yref="y",
         sizing="stretch",
@@ -374,7 +377,7 @@ def overlap_figure(image: Image, grid: WindowGrid) -> go.Figure:
             x1=col + size - 0.5,
             y0=row - 0.5,
             y1=row + size - 0.5,
-            fillcolor=FILL,
+            fillcolor=WINDOW_FILL,
             line={"color": WINDOW_COLOUR, "width": 4 if own else 1.5},
             layer="between",
         )
@@ -382,13 +385,13 @@ def overlap_figure(image: Image, grid: WindowGrid) -> go.Figure:
     rows, cols = grid.drawn(grid.rows, grid.middle.row), grid.drawn(grid.cols, grid.middle.col)
     own_centre = grid.middle.row + half, grid.middle.col + half
     centres = [(row + half, col + half) for row in rows for col in cols]
-    small = 3 if max(rows.size, cols.size) > MANY_ACROSS else 4
+    small = 3 if max(rows.size, cols.size) > MANY_DOTS else 4
     figure.add_trace(_dots([at for at in centres if at != own_centre], small, "centre of a window"))
     figure.add_trace(_dots([own_centre], 10, "centre of the window chosen"))
     axis = {"showgrid": False, "zeroline": False, "constrain": "domain"}
-    x = {"title": "column, px", "range": [left, left + cut.width], **axis}
-    y = {"title": "row, px", "range": [top + cut.height, top], "scaleanchor": "x", **axis}
-    return laid_out(figure, HEIGHT, x, y, showlegend=False, plot_bgcolor="rgba(0,0,0,0)")
+    x = {"title": "column, px", "range": [left, left + part.width], **axis}
+    y = {"title": "row, px", "range": [top + part.height, top], "scaleanchor": "x", **axis}
+    return laid_out(figure, HEIGHT_PX, x, y, showlegend=False, plot_bgcolor="rgba(0,0,0,0)")
 
 
 def _dots(places: list[tuple[float, float]], size: int, name: str) -> go.Scatter:

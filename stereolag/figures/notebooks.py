@@ -1,4 +1,4 @@
-"""Results as notebooks show them: the verdict in words, the numbers with their units, one picture without a network."""
+"""Results in notebooks: the verdict in words, the numbers with their units, and one embedded picture."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import io
 import math
 import re
 from collections.abc import Sequence
-from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +18,7 @@ from stereolag.core.arrays import FloatMap, Rgb
 from stereolag.core.inputs import Image
 from stereolag.core.showing import Drawing, drawing
 from stereolag.core.typography import typeset
-from stereolag.figures.legends import INK, LEGEND, PAPER, round_values, searched_range, with_legend
+from stereolag.figures.legends import INK, LEGEND_TITLE, PAPER, round_values, searched_range, with_legend
 from stereolag.figures.pictures import CORRELATION, VIRIDIS, coloured, data_url, fitted
 from stereolag.figures.recordings import correlation_curve
 from stereolag.figures.templates import framed, score_map_png
@@ -36,23 +35,22 @@ from stereolag.figures.verdicts import (
 )
 from stereolag.signals import SignalLag
 from stereolag.stereo.matcher import DisparityMap
-from stereolag.templates import TemplateMatch, TemplateSearch
+from stereolag.templates import TemplateSearch
 
-Font: TypeAlias = ImageFont.FreeTypeFont | ImageFont.ImageFont
+MAX_PIXELS = 260_000
+"""Pixels above which a picture is reduced: noise of this size in 256 colours is a PNG of 260 kB, or 350 kB as text."""
 
-MOST_PIXELS = 260_000
-"""Larger pictures are reduced: of noise in 256 colours, these make a PNG of 260 kB, in text 350 kB."""
+MAX_PLACES = 5
+"""Largest number of places listed."""
 
-MOST_PLACES = 5
-
-CHART = 1280, 560
-"""Px, at twice the size it is shown, so that its lines are smooth."""
+CHART_SIZE_PX = 1280, 560
+"""Width and height of a chart, px: twice the size at which it is shown, so that its lines are smooth."""
 
 LEFT, RIGHT, TOP, BOTTOM = 110, 60, 60, 100
 """Margins of a chart, px."""
 
-TEXT = 26
-CHANCE, GRID, DRIFT = (228, 228, 228), (200, 200, 200), (248, 214, 224)
+TEXT_PX = 26
+CHANCE_COLOUR, GRID_COLOUR, DRIFT_COLOUR = (228, 228, 228), (200, 200, 200), (248, 214, 224)
 
 
 @drawing.register
@@ -67,36 +65,39 @@ def _lag(result: SignalLag, image: Image | None) -> Drawing:
     if sure and not (judgement.over_time and judgement.over_time.changes):
         numbers.append(f"{result.speed:,.10g} m/s")
     curve = correlation_curve(result, "votes" if result.lags is None else "correlation")
-    note = "Grey: what chance reaches." if any(trace.name == "chance" for trace in curve.data) else ""
-    said = [verdict_in_words(result), *verdict_explained(result), _told(numbers, result.elapsed_s)]
-    return _drawing(said, _still(curve, labelled=sure), curve_in_words(result), note, zoom=2)
+    note = "Grey: the range of chance." if any(trace.name == "chance" for trace in curve.data) else ""
+    sentences = [verdict_in_words(result), *verdict_explained(result), _numbers_sentence(numbers, result.elapsed_s)]
+    return _drawing(sentences, _chart_picture(curve, labelled=sure), curve_in_words(result), note, zoom=2)
 
 
 @drawing.register
 def _search(result: TemplateSearch, image: Image | None) -> Drawing:
     found, unsure = result.matches[: result.clear], doubtful(result)
-    said = [f"**{headline(result)}.**"]
+    sentences = [f"**{headline(result)}.**"]
     if len(found) > 1:
-        said.append(_sentence("; ".join(map(place, found[:MOST_PLACES])) + "."))
+        sentences.append(_capitalised("; ".join(map(place, found[:MAX_PLACES])) + "."))
     if found:
-        said += filter(None, [remark_on(found[0])])
+        sentences += filter(None, [remark_on(found[0])])
     elif unsure:
         why = "None of these places has a clear lead: " if result.look_alikes else "The best place does not show it: "
-        said.append(why + "; ".join(map(place, unsure[:MOST_PLACES])) + f". {remark_on(unsure[0])}".rstrip())
+        sentences.append(why + "; ".join(map(place, unsure[:MAX_PLACES])) + f". {remark_on(unsure[0])}".rstrip())
     numbers = [f"score {found[0].score:.3f}"] if found else []
     if found and result.rivals:
         numbers.append(f"the best rival has {result.rivals[0].score:.3f}")
-    said.append(_told([*numbers, f"{result.candidates:,} places scored"], result.elapsed_s))
+    sentences.append(_numbers_sentence([*numbers, f"{result.candidates:,} places scored"], result.elapsed_s))
     if image is not None:
-        return _drawing(said, _read(framed(image, found, unsure, width=_width(image.shape))), framed_in_words(result))
+        return _drawing(
+            sentences, _read(framed(image, found, unsure, width=_width(image.shape))), framed_in_words(result)
+        )
     if result.score_map is None:
-        return _drawing([*said, "To see where: sl.show(result, image)."])
+        return _drawing([*sentences, "To see where: sl.show(result, image)."])
+    factor = math.ceil(result.score_map.shape[1] / _width(result.score_map.shape))
+    picture = _read(score_map_png(result.score_map, found or unsure, factor))
     note = (
-        "Score of the template with its top-left corner at each place: dark at 0 and below, yellow at 1, flat places "
-        "grey, ringed the places named above. To see them in the image: sl.show(result, image)."
+        "Score of the template with its top-left corner at each place: dark at 0 and below, yellow at 1; flat places "
+        "are grey, and the places named above are ringed. To see them in the image: sl.show(result, image)."
     )
-    picture = _scores(result.score_map, found or unsure)
-    return _drawing(said, picture, f"Scores of {result.candidates:,} places. {headline(result)}.", note)
+    return _drawing(sentences, picture, f"Scores of {result.candidates:,} places. {headline(result)}.", note)
 
 
 @drawing.register
@@ -107,42 +108,44 @@ def _map(result: DisparityMap, image: Image | None) -> Drawing:
     known = result.disparity[result.valid]
     shares = {"filled in": float(result.filled.mean()), "blank": float(1 - result.valid.mean())}
     others = "".join(f", {100 * share:.1f} % {what}" for what, share in shares.items() if share)
-    said = [f"**{100 * result.coverage:.1f} % of the pixels measured**{others}."]
+    sentences = [f"**{100 * result.coverage:.1f} % of the pixels measured**{others}."]
     if not known.size:
-        said = ["**No pixel has a disparity.**"]
+        sentences = ["**No pixel has a disparity.**"]
     if shares["blank"] and result.settings.gives_reasons:
-        said.append(_sentence(f"{blanks_in_words(result.reason)}."))
+        sentences.append(_capitalised(f"{blanks_in_words(result.reason)}."))
     numbers = [f"{cols} × {rows} px", f"by {type(result.settings).__name__}"]
     if known.size:
         least, median, most = np.percentile(known, (1, 50, 99))
         numbers.append(f"disparities {least:.1f} to {most:.1f} px (98 % of them), median {median:.1f} px")
-    said.append(_told(numbers, result.elapsed_s))
+    sentences.append(_numbers_sentence(numbers, result.elapsed_s))
     low, high = searched_range([result])
     width = _width((rows, cols))
     picture = coloured(_thinned(result.disparity, width), low, high)
     if image is not None:
         picture = np.hstack((fitted(image, width)[: len(picture)], picture))
-    alternative = f"Disparity map, from {low:g} px (dark) to {high:g} px (bright). {said[0]}"
-    return _drawing(said, with_legend(picture, low, high, VIRIDIS, LEGEND), alternative)
+    alternative = f"Disparity map, from {low:g} px (dark) to {high:g} px (bright). {sentences[0]}"
+    return _drawing(sentences, with_legend(picture, low, high, VIRIDIS, LEGEND_TITLE), alternative)
 
 
-def _told(numbers: Sequence[str], seconds: float) -> str:
-    """Return numbers as a sentence, the time last."""
-    return _sentence("; ".join([*numbers, f"computed in {seconds:.3g} s."]))
+def _numbers_sentence(numbers: Sequence[str], seconds: float) -> str:
+    """Return numbers as a sentence that ends with the computation time."""
+    return _capitalised("; ".join([*numbers, f"computed in {seconds:.3g} s."]))
 
 
-def _sentence(said: str) -> str:
-    return f"{said[:1].upper()}{said[1:]}"
+def _capitalised(text: str) -> str:
+    """Return a text that begins with a capital letter."""
+    return f"{text[:1].upper()}{text[1:]}"
 
 
 def _drawing(
-    said: Sequence[str], picture: Rgb | None = None, alternative: str = "", note: str = "", *, zoom: int = 1
+    sentences: Sequence[str], picture: Rgb | None = None, alternative: str = "", note: str = "", *, zoom: int = 1
 ) -> Drawing:
-    """Return sentences with Markdown's bold, the verdict first, above a picture with a note, shown at 1 / `zoom`.
+    """Return sentences, the verdict first, above a picture with a note.
 
-    Colours of the text are those of the notebook, light or dark; pictures bring their own paper.
+    `**` marks bold text. The picture is shown at 1 / `zoom` of its size, on white; the text has the colours of the
+    notebook, light or dark.
     """
-    verdict, *others = map(_bold, said)
+    verdict, *others = map(_bold, sentences)
     lines = f'<p style="font-size: 1.15em">{verdict}</p>' + "".join(f"<p>{one}</p>" for one in others)
     if picture is None:
         return Drawing(f"<div>{lines}</div>", None)
@@ -157,7 +160,7 @@ def _bold(text: str) -> str:
 
 
 def _png(picture: Rgb) -> bytes:
-    """Return a picture in 256 colours, which is nearly all of a map's, as a small PNG."""
+    """Return a picture in 256 colours, which suffice for nearly all of a map, as a small PNG."""
     file = io.BytesIO()
     PillowImage.fromarray(picture).quantize(256).save(file, "PNG", optimize=True)
     return file.getvalue()
@@ -168,55 +171,50 @@ def _read(png: bytes) -> Rgb:
 
 
 def _width(shape: Sequence[int]) -> int:
-    """Return the width to which a picture of (rows, cols) is reduced."""
-    return min(shape[1], max(1, math.isqrt(MOST_PIXELS * shape[1] // shape[0])))
+    """Return the width to which a picture of shape (rows, cols) is reduced."""
+    return min(shape[1], max(1, math.isqrt(MAX_PIXELS * shape[1] // shape[0])))
 
 
 def _thinned(values: FloatMap, width: int) -> FloatMap:
-    """Return every so many rows and columns; a blend would stand for a value that no pixel has."""
+    """Return evenly spaced rows and columns: an average would be a value that no pixel has."""
     height = max(1, round(values.shape[0] * width / values.shape[1]))
     rows, cols = (np.arange(new) * old // new for new, old in zip((height, width), values.shape, strict=True))
     return values[np.ix_(rows, cols)]
 
 
-def _scores(score_map: FloatMap, marked: Sequence[TemplateMatch]) -> Rgb:
-    factor = math.ceil(score_map.shape[1] / _width(score_map.shape))
-    return _read(score_map_png(score_map, marked, factor))
-
-
-def _still(figure: go.Figure, *, labelled: bool) -> Rgb:
-    """Return a chart of lines, bars, bands and rings as a picture, with labels at the rings if wanted."""
-    drawn = [(trace, np.array(trace.x, np.float64), np.array(trace.y, np.float64)) for trace in figure.data]
-    heights = np.concatenate([[0.0], *(y for _, _, y in drawn)])
-    room = 0.08 * float(np.ptp(heights)) or 1.0
-    low, high = heights.min() - room * bool(heights.min()), heights.max() + room
-    places = figure.layout.xaxis.range or np.concatenate([x for _, x, _ in drawn])
-    first, last = min(places), max(max(places), min(places) + 1)
+def _chart_picture(figure: go.Figure, *, labelled: bool) -> Rgb:
+    """Return a Plotly chart of lines, bars, bands and rings as a picture; `labelled`: with the labels of the rings."""
+    traces = [(trace, np.array(trace.x, np.float64), np.array(trace.y, np.float64)) for trace in figure.data]
+    heights = np.concatenate([[0.0], *(y for _, _, y in traces)])
+    margin = 0.08 * float(np.ptp(heights)) or 1.0
+    low, high = heights.min() - margin * bool(heights.min()), heights.max() + margin
+    ends = figure.layout.xaxis.range or np.concatenate([x for _, x, _ in traces])
+    first, last = min(ends), max(max(ends), min(ends) + 1)
 
     def points(x: npt.ArrayLike, y: npt.ArrayLike) -> list[tuple[float, float]]:
-        across = LEFT + (np.array(x) - first) / (last - first) * (CHART[0] - LEFT - RIGHT)
-        down = TOP + (high - np.array(y)) / (high - low) * (CHART[1] - TOP - BOTTOM)
-        return list(zip(across.tolist(), down.tolist(), strict=True))
+        cols = LEFT + (np.array(x) - first) / (last - first) * (CHART_SIZE_PX[0] - LEFT - RIGHT)
+        rows = TOP + (high - np.array(y)) / (high - low) * (CHART_SIZE_PX[1] - TOP - BOTTOM)
+        return list(zip(cols.tolist(), rows.tolist(), strict=True))
 
-    canvas = PillowImage.new("RGB", CHART, PAPER)
-    draw, font = ImageDraw.Draw(canvas), ImageFont.load_default(TEXT)
+    canvas = PillowImage.new("RGB", CHART_SIZE_PX, PAPER)
+    draw, font = ImageDraw.Draw(canvas), ImageFont.load_default(TEXT_PX)
     for band in figure.layout.shapes:
-        draw.rectangle([*points([band.x0, band.x1], [high, low])], DRIFT)
-    for trace, x, y in drawn:
+        draw.rectangle([*points([band.x0, band.x1], [high, low])], DRIFT_COLOUR)
+    for trace, x, y in traces:
         if trace.name == "chance":
-            draw.polygon(points(x, y), CHANCE)
+            draw.polygon(points(x, y), CHANCE_COLOUR)
     for value in round_values(low, high, 5):
         (start, end) = points([first, last], [value, value])
-        draw.line([start, end], GRID, 2)
+        draw.line([start, end], GRID_COLOUR, 2)
         draw.text((LEFT - 12, start[1]), f"{value:g}", INK, font, anchor="rm")
     for value in round_values(first, last, 6):
         ((across, down),) = points([value], [low])
         draw.line([(across, down), (across, down + 8)], INK, 2)
         draw.text((across, down + 14), f"{value:,.10g}", INK, font, anchor="mt")
     draw.text((LEFT, TOP - 14), figure.layout.yaxis.title.text, INK, font, anchor="lb")
-    middle = (LEFT + CHART[0] - RIGHT) / 2
-    draw.text((middle, CHART[1] - 12), figure.layout.xaxis.title.text, INK, font, anchor="mb")
-    for trace, x, y in drawn:
+    middle = (LEFT + CHART_SIZE_PX[0] - RIGHT) / 2
+    draw.text((middle, CHART_SIZE_PX[1] - 12), figure.layout.xaxis.title.text, INK, font, anchor="mb")
+    for trace, x, y in traces:
         if trace.type == "bar":
             for bar in zip(points(x, y), points(x, [0] * x.size), strict=True):
                 draw.line(bar, CORRELATION, 4)
@@ -231,7 +229,7 @@ def _draw_rings(
     draw: ImageDraw.ImageDraw,
     centres: Sequence[tuple[float, float]],
     trace: go.Scatter,
-    font: Font | None,
+    font: ImageFont.FreeTypeFont | ImageFont.ImageFont | None,
 ) -> None:
     radius, colour = trace.marker.size, trace.marker.color
     for across, down in centres:

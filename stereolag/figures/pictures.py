@@ -1,4 +1,4 @@
-"""Pictures for display: images of bounded size, maps and flows in colours, objects and edges as lines, PNG and JPEG."""
+"""Pictures for display: images of limited size, maps and flows in colours, outlines, edges, PNG and JPEG."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image as PillowImage
 
-from stereolag.core.arrays import FloatMap, Mask, Rgb, percentiles
+from stereolag.core.arrays import DoubleMap, FloatMap, Mask, Rgb, percentiles
 from stereolag.core.inputs import Image
 
 Scalar = TypeVar("Scalar", bound=np.generic)
@@ -23,35 +23,34 @@ Colour: TypeAlias = tuple[int, int, int]
 
 JPEG_QUALITY = 92
 
-SHOWN_WIDTH = 1400
-"""Px; wider pictures are reduced here: Streamlit would do it slowly, and blend the colours of a map."""
+MAX_WIDTH_PX = 1400
+"""Width to which pictures are reduced, px: Streamlit would do it slowly, and blend the colours of a map."""
 
-# Chosen to stand out on both the light and the dark page.
+# Visible on both the light and the dark page.
 SENSOR_1 = "#3a8fb7"
 SENSOR_2 = "#e08138"
 CORRELATION = "#8273cf"
 PEAK = "#e0447c"
 
 FRAME = (255, 0, 160)
-"""Colour of frames around places in an image: a pink that hardly any image contains."""
+"""Colour of frames in an image: a pink that hardly any image contains."""
 
 WHITE, BLACK = (255, 255, 255), (0, 0, 0)
 
-ROUNDED_TO = 4
-"""Px to which the ends of a range are rounded, so that small changes of a map do not shift its colours."""
+RANGE_STEP_PX = 4
+"""Step to which the ends of a range are rounded, px, so that small changes of a map do not shift its colours."""
 
 NO_ANSWER = (140, 140, 140)
-"""A neutral grey, which viridis does not contain."""
+"""Colour of pixels without a value: a neutral grey, which viridis does not contain."""
 
-NO_ANSWER_NUMBER = 255
-"""Its index in a colour table, after all others."""
+NO_ANSWER_INDEX = 255
+"""Its index in a colour table, after all other colours."""
 
 
 def as_rgb(image: Image) -> Rgb:
-    """Return any image as 8-bit RGB, its transparent parts and pixels without data (NaN) neutral grey.
+    """Return any image as 8-bit RGB, with transparent parts and pixels without data (NaN) in neutral grey.
 
-    16-bit and float images are stretched from their darkest to their brightest value, to be visible whatever their
-    range.
+    The contrast of 16-bit and float images is stretched, so that they are visible whatever their range.
     """
     if image.dtype != np.uint8:
         low, high = (float(end.reduce(image, axis=None)) for end in (np.fmin, np.fmax))
@@ -66,11 +65,11 @@ def as_rgb(image: Image) -> Rgb:
 
 
 def brightness(image: Image) -> npt.NDArray[np.uint8]:
-    """Return an image as shown, in grey: (H, W) uint8."""
+    """Return an image as displayed, in grey: (H, W) uint8."""
     return np.asarray(cv2.cvtColor(np.ascontiguousarray(as_rgb(image)), cv2.COLOR_RGB2GRAY), dtype=np.uint8)
 
 
-def fitted(image: Image, width: int = SHOWN_WIDTH) -> Rgb:
+def fitted(image: Image, width: int = MAX_WIDTH_PX) -> Rgb:
     """Return the image as RGB, reduced if it is wider than `width` px."""
     picture = as_rgb(image)
     if picture.shape[1] <= width:
@@ -80,25 +79,25 @@ def fitted(image: Image, width: int = SHOWN_WIDTH) -> Rgb:
 
 
 def thinned(values: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
-    """Return every second, third … row and column of an array wider than :data:`SHOWN_WIDTH`.
+    """Return every second, third … row and column of an array wider than :data:`MAX_WIDTH_PX`.
 
-    For maps: a blend of the colours of several pixels would stand for a value that none of them has.
+    For maps: the mean colour of several pixels would represent a value that none of them has.
     """
-    every = -(-values.shape[1] // SHOWN_WIDTH)
+    every = -(-values.shape[1] // MAX_WIDTH_PX)
     return values[::every, ::every]
 
 
 def disparity_range(maps: Sequence[FloatMap]) -> tuple[float, float]:
-    """Return the disparities, px, at the ends of the colours, which leave out the outermost 1 % at either end.
+    """Return the disparities, px, at the ends of the colour range: the 1st and the 99th percentile, rounded outwards.
 
     Given only the ground truth, the range does not depend on the settings; given the maps to compare, they share one.
     """
     known = np.concatenate([np.empty(0, dtype=np.float32), *(one[np.isfinite(one)] for one in map(thinned, maps))])
     if known.size == 0:
-        return 0.0, float(ROUNDED_TO)
+        return 0.0, float(RANGE_STEP_PX)
     low, high = percentiles(known, 1, 99)
-    first = np.floor(low / ROUNDED_TO) * ROUNDED_TO
-    return float(first), float(max(np.ceil(high / ROUNDED_TO) * ROUNDED_TO, first + ROUNDED_TO))
+    first = np.floor(low / RANGE_STEP_PX) * RANGE_STEP_PX
+    return float(first), float(max(np.ceil(high / RANGE_STEP_PX) * RANGE_STEP_PX, first + RANGE_STEP_PX))
 
 
 def png(picture: npt.NDArray[np.uint8]) -> bytes:
@@ -118,7 +117,7 @@ def jpeg(picture: Rgb) -> bytes:
 
 
 def data_url(data: bytes) -> str:
-    """Return the address of a PNG or JPEG that contains the picture itself."""
+    """Return the data URL of a PNG or JPEG, which contains the picture itself."""
     kind = "png" if data.startswith(b"\x89PNG") else "jpeg"
     return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
 
@@ -149,44 +148,44 @@ def coloured(values: npt.NDArray[np.floating[Any]], low: float, high: float, col
     picture
         (rows, cols, 3) uint8 RGB.
     """
-    # Looked up through an index array, the colours take ten times as long.
+    # Indexing the colours with an array takes ten times as long.
     table = colour_table(colours)[:, None]
     return np.asarray(cv2.applyColorMap(colour_numbers(values, low, high), table), dtype=np.uint8)
 
 
 def colour_numbers(values: npt.NDArray[np.floating[Any]], low: float, high: float) -> npt.NDArray[np.uint8]:
     """Return the index of each value in a :func:`colour_table`: 0 at `low`, 254 at `high`, 255 for no value."""
-    # In place: otherwise every move of a slider would allocate memory for each intermediate array.
+    # In place: otherwise every movement of a slider would allocate memory for each intermediate array.
     share: npt.NDArray[np.float32] = np.subtract(values, low, dtype=np.float32, casting="same_kind")
-    share *= np.float32((NO_ANSWER_NUMBER - 1) / (high - low))
+    share *= np.float32((NO_ANSWER_INDEX - 1) / (high - low))
     np.fmax(share, 0, out=share)
-    np.fmin(share, NO_ANSWER_NUMBER - 1, out=share)
+    np.fmin(share, NO_ANSWER_INDEX - 1, out=share)
     share += np.float32(0.5)
     numbers = share.astype(np.uint8)
-    np.copyto(numbers, NO_ANSWER_NUMBER, where=~np.isfinite(values))
+    np.copyto(numbers, NO_ANSWER_INDEX, where=~np.isfinite(values))
     return numbers
 
 
 def colour_table(colours: Rgb) -> Rgb:
     """Return (256, 3) uint8 RGB: a ramp of 256 colours sampled at 255, then the grey of no disparity."""
-    return np.vstack([colours[np.rint(np.linspace(0, 255, NO_ANSWER_NUMBER)).astype(np.intp)], [NO_ANSWER]]).astype(
+    return np.vstack([colours[np.rint(np.linspace(0, 255, NO_ANSWER_INDEX)).astype(np.intp)], [NO_ANSWER]]).astype(
         np.uint8
     )
 
 
 RAMPS = ((15, 0, 1, 1), (6, 1, 0, -1), (4, 1, 2, 1), (11, 2, 1, -1), (13, 2, 0, 1), (6, 0, 2, -1))
-"""Parts of the wheel: number of colours, full channel, changing channel, and whether it rises or falls."""
+"""Parts of the colour wheel: number of colours, full channel, changing channel, and whether it rises or falls."""
 
-BEYOND = 0.75
+BEYOND_BRIGHTNESS = 0.75
 """Brightness factor of motions longer than the largest: darker than all others."""
 
-OUTLINE = 2
-"""Px by which an arrow's dark outline is thicker, to make it visible on light and dark pictures."""
+OUTLINE_PX = 2
+"""Additional thickness of an arrow's dark outline, px, which makes it visible on light and dark pictures."""
 
 
 @cache
 def _wheel() -> npt.NDArray[np.float64]:
-    """Return the wheel as (55, 3) RGB, 0..1, red first."""
+    """Return the colour wheel as (55, 3) RGB, 0..1, red first."""
     colours = []
     for count, full, changing, rising in RAMPS:
         ramp = np.arange(count) / count
@@ -198,7 +197,9 @@ def _wheel() -> npt.NDArray[np.float64]:
 
 
 def largest_motion(*flows: tuple[FloatMap, FloatMap]) -> float:
-    """Return the length at the rim of the wheel, px: the 99th percentile, rounded up to half a unit of its first digit.
+    """Return the length at the rim of the colour wheel, px.
+
+    It is the 99th percentile of the lengths, rounded up to half a unit of its first digit.
 
     Each flow is (dy, dx), NaN = none.
     """
@@ -244,7 +245,7 @@ def flow_colours(dy: FloatMap, dx: FloatMap, largest: float) -> Rgba:
     share = (place - before)[..., None]
     colour = (1 - share) * wheel[before] + share * wheel[(before + 1) % len(wheel)]
     radius = length[..., None]
-    colour = np.where(radius <= 1, 1 - radius * (1 - colour), colour * BEYOND)
+    colour = np.where(radius <= 1, 1 - radius * (1 - colour), colour * BEYOND_BRIGHTNESS)
     picture = np.empty((*dy.shape, 4), np.uint8)
     picture[..., :3] = np.floor(255 * colour)
     picture[..., 3] = np.where(known, 255, 0)
@@ -252,7 +253,7 @@ def flow_colours(dy: FloatMap, dx: FloatMap, largest: float) -> Rgba:
 
 
 def with_arrows(image: Image, dy: FloatMap, dx: FloatMap, *, spacing: int = 24) -> Rgb:
-    """Return the image with an arrow every `spacing` px that shows where the pixel moves.
+    """Return the image with an arrow every `spacing` px from a pixel to where it moves.
 
     Parameters
     ----------
@@ -261,7 +262,7 @@ def with_arrows(image: Image, dy: FloatMap, dx: FloatMap, *, spacing: int = 24) 
     dy, dx
         (H, W) px; no arrow where NaN.
     spacing
-        Px between the arrows.
+        Distance between the arrows, px.
 
     Returns
     -------
@@ -281,7 +282,7 @@ def with_arrows(image: Image, dy: FloatMap, dx: FloatMap, *, spacing: int = 24) 
     for (y, x, dy_here, dx_here), length, hue in zip(starts, lengths, hues[:, 0, :3], strict=True):
         start, end = (round(x), round(y)), (round(x + dx_here), round(y + dy_here))
         tip = min(0.4, 6 / max(length, 1e-6))
-        for colour, width in ((BLACK, thickness + OUTLINE), (tuple(int(part) for part in hue), thickness)):
+        for colour, width in ((BLACK, thickness + OUTLINE_PX), (tuple(int(part) for part in hue), thickness)):
             if start == end:
                 cv2.circle(picture, start, width, colour, -1, cv2.LINE_AA)
             else:
@@ -298,8 +299,8 @@ def colour_wheel(largest: float, size: int = 160) -> Rgba:
     return flow_colours(np.where(outside, np.nan, dy), np.where(outside, np.nan, dx), largest)
 
 
-TEXT_SHARE = 1 / 34
-"""Text height as a share of the picture width: a page shows it at half its size."""
+TEXT_HEIGHT_SHARE = 1 / 34
+"""Text height as a share of the picture width: a page shows the picture at half its size."""
 
 
 class Outline(NamedTuple):
@@ -333,7 +334,7 @@ def with_outlines(image: Image, outlines: Sequence[Outline]) -> Rgb:
     from PIL import ImageDraw, ImageFont  # 40 ms to load
 
     canvas = PillowImage.fromarray(picture)
-    size = max(11, round(cols * TEXT_SHARE))
+    size = max(11, round(cols * TEXT_HEIGHT_SHARE))
     draw, font = ImageDraw.Draw(canvas), ImageFont.load_default(size)
     for one in outlines:
         if not one.words or not one.parts:
@@ -346,36 +347,34 @@ def with_outlines(image: Image, outlines: Sequence[Outline]) -> Rgb:
     return np.array(canvas)
 
 
-LOOKED_AT = 800
-"""Px; wider photographs are reduced to this width first: finer edges would be too dense to read as lines."""
+EDGE_IMAGE_WIDTH_PX = 800
+"""Width to which photographs are reduced before edges are detected, px: finer edges would be too dense to be lines."""
 
-BLUR = 2.0
+BLUR_PX = 2.0
 """Standard deviation of the blur that removes noise and fine texture, px."""
 
-STRONG_SHARE = 0.07
-"""An edge starts where the gradient is among this share of the strongest …"""
+STRONG_EDGE_SHARE = 0.07
+"""Share of the pixels, those with the strongest gradients, at which an edge may start: Canny's high threshold."""
 
-WEAKER = 0.4
-"""… and continues down to this fraction of that gradient."""
+WEAK_EDGE_FRACTION = 0.4
+"""Canny's low threshold, down to which an edge continues, as a fraction of the high one."""
 
-LEAST_GRADIENT = 24
-"""Minimum gradient at which an edge starts, in units of the Sobel filter: a step of about six grey levels."""
+MIN_GRADIENT = 24
+"""Least high threshold, in units of the Sobel filter: a step of about six grey levels."""
 
-SHORTEST = 0.04
-"""Shorter lines are left out; as a share of the width."""
+MIN_LENGTH_SHARE = 0.04
+"""Least length of a line, as a share of the width."""
 
-MOST_POINTS = 8_000
-"""Most points of all lines together; the longest lines come first, and the rest are left out."""
+MAX_POINTS = 8_000
+"""Largest number of points of all lines together, of which the longest are kept."""
 
-OFF_LINE = 0.9
+MAX_DEVIATION_PX = 0.9
 """Largest deviation of a line from the pixels of its edge, px."""
 
-BESIDE = ((0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, -1), (-1, 1))
-
-Line = npt.NDArray[np.float64]
+NEIGHBOUR_OFFSETS = ((0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, -1), (-1, 1))
 
 
-def edge_lines(image: Image) -> list[Line]:
+def edge_lines(image: Image) -> list[DoubleMap]:
     """Return the edges of an image (Canny's), the longest first.
 
     Parameters
@@ -390,16 +389,16 @@ def edge_lines(image: Image) -> list[Line]:
     """
     grey = brightness(image)
     rows, cols = grey.shape
-    width = min(cols, LOOKED_AT)
+    width = min(cols, EDGE_IMAGE_WIDTH_PX)
     height = max(1, round(rows * width / cols))
     small = cv2.resize(grey, (width, height), interpolation=cv2.INTER_AREA)
     scale = cols / width, rows / height
-    long_enough = [chain for chain in _chains(_edges(np.asarray(small))) if len(chain) >= SHORTEST * width]
+    long_enough = [chain for chain in _chains(_edges(np.asarray(small))) if len(chain) >= MIN_LENGTH_SHARE * width]
     lines, points = [], 0
     for chain in sorted(long_enough, key=len, reverse=True):
-        line = cv2.approxPolyDP(np.array(chain, np.int32)[:, None, ::-1], OFF_LINE, False)[:, 0]
+        line = cv2.approxPolyDP(np.array(chain, np.int32)[:, None, ::-1], MAX_DEVIATION_PX, False)[:, 0]
         points += len(line)
-        if points > MOST_POINTS:
+        if points > MAX_POINTS:
             break
         lines.append((line + 0.5) * scale)
     return lines
@@ -412,27 +411,26 @@ def edge_path(image: Image) -> str:
 
 def _edges(grey: npt.NDArray[np.uint8]) -> Mask:
     """Return the edge pixels of an (H, W) image; edges are one pixel wide."""
-    smooth = cv2.GaussianBlur(grey, (0, 0), BLUR)
+    smooth = cv2.GaussianBlur(grey, (0, 0), BLUR_PX)
     dx, dy = (cv2.Sobel(smooth, cv2.CV_16S, *order, borderType=cv2.BORDER_REPLICATE) for order in ((1, 0), (0, 1)))
     strength = np.hypot(dx.astype(np.float32), dy.astype(np.float32))
-    high = max(float(np.quantile(strength, 1 - STRONG_SHARE)), LEAST_GRADIENT)
-    return np.asarray(cv2.Canny(dx, dy, WEAKER * high, high, L2gradient=True) > 0)
+    high = max(float(np.quantile(strength, 1 - STRONG_EDGE_SHARE)), MIN_GRADIENT)
+    return np.asarray(cv2.Canny(dx, dy, WEAK_EDGE_FRACTION * high, high, L2gradient=True) > 0)
 
 
 def _chains(edges: Mask) -> Iterator[list[tuple[int, int]]]:
-    """Yield chains of adjacent edge pixels, (row, col), each pixel once; chains start at line ends first."""
-    left = {(int(row), int(col)) for row, col in np.argwhere(edges)}
+    """Yield chains of adjacent edge pixels, (row, col), each pixel once; from the ends of lines first."""
+    remaining = {(int(row), int(col)) for row, col in np.argwhere(edges)}
 
-    def beside(pixel: tuple[int, int]) -> list[tuple[int, int]]:
-        return [at for down, right in BESIDE if (at := (pixel[0] + down, pixel[1] + right)) in left]
+    def neighbours(pixel: tuple[int, int]) -> list[tuple[int, int]]:
+        return [at for down, right in NEIGHBOUR_OFFSETS if (at := (pixel[0] + down, pixel[1] + right)) in remaining]
 
-    begins = sorted(left, key=lambda pixel: len(beside(pixel)) > 1)
-    for begin in begins:
-        if begin not in left:
+    for start in sorted(remaining, key=lambda pixel: len(neighbours(pixel)) > 1):
+        if start not in remaining:
             continue
-        chain = [begin]
-        left.remove(begin)
-        while onward := beside(chain[-1]):
-            chain.append(onward[0])
-            left.remove(onward[0])
+        chain = [start]
+        remaining.remove(start)
+        while following := neighbours(chain[-1]):
+            chain.append(following[0])
+            remaining.remove(following[0])
         yield chain

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,32 +20,34 @@ from stereolag.signals.correlation import overlap_length, overlap_slices
 from stereolag.signals.over_time import LagOverTime
 from stereolag.signals.verdict import LagJudgement
 
-POINTS = 2_000
-"""Most points drawn per line, however long: about two for every pixel of its width."""
+MAX_POINTS = 2_000
+"""Largest number of points drawn per line, however long: about two for every pixel of its width."""
 
 CLOSE_UP_SAMPLES = 200
 """As in Fig. 1.5b of the report."""
 
 VOTES_SHOWN = 200
+"""Number of lags shown with their votes."""
 
 RIBBON_POINTS = 257
+"""Number of points along either edge of the ribbon of chance."""
 
-CLOSE = 250
-"""Lags around the peak of which each is drawn, so that its shape shows when one zooms in."""
+FULL_DETAIL_LAGS = 250
+"""Lags on either side of the peak that are all drawn, so that its shape is visible when zoomed in."""
 
-_ANNOTATED = 28
-"""Margin above a curve with a label there, px."""
+LABEL_MARGIN_PX = 28
+"""Margin above a curve that has a label there, px."""
 
-_FAR_RIGHT = 0.8
-"""Share of the axis from which on a label stands left of its point."""
+LABEL_LEFT_SHARE = 0.8
+"""Share of the axis beyond which a label is to the left of its point."""
 
-DOUBTFUL = "#8a8a8a"
+DOUBTFUL_COLOUR = "#8a8a8a"
 """Colour of a peak that is not sure, and of its rivals."""
 
-ABOVE: dict[str, Any] = {"legend": LEGEND_ABOVE, "hovermode": "x unified"}
-ALONE: dict[str, Any] = {"showlegend": False, "hovermode": "closest"}
+LEGEND_LAYOUT: dict[str, Any] = {"legend": LEGEND_ABOVE, "hovermode": "x unified"}
+NO_LEGEND_LAYOUT: dict[str, Any] = {"showlegend": False, "hovermode": "closest"}
 
-CLOCK = "seconds on the clock of sensor 1"
+CLOCK_TITLE = "seconds on the clock of sensor 1"
 
 
 def waveforms(signal_1: Vector, signal_2: Vector, sampling_rate: float) -> go.Figure:
@@ -53,7 +55,7 @@ def waveforms(signal_1: Vector, signal_2: Vector, sampling_rate: float) -> go.Fi
     figure = make_subplots(rows=2, shared_xaxes=True, vertical_spacing=0.06)
     for row, (signal, name, colour) in enumerate(_named(signal_1, signal_2), start=1):
         figure.add_trace(_line(np.arange(signal.size) / sampling_rate, signal, name, colour), row=row, col=1)
-    laid_out(figure, 320, {}, {}, **ABOVE)
+    laid_out(figure, 320, {}, {}, **LEGEND_LAYOUT)
     return figure.update_xaxes(title="seconds", row=2, col=1)
 
 
@@ -63,11 +65,11 @@ def aligned(signal_1: Vector, signal_2: Vector, lag: int, sampling_rate: float) 
     for offset, (signal, name, colour) in zip((0, -lag), _named(signal_1, signal_2), strict=True):
         seconds = (np.arange(signal.size) + offset) / sampling_rate
         figure.add_trace(_line(seconds, _standardised(signal), name, colour).update(opacity=0.75))
-    return laid_out(figure, 300, CLOCK, "standard deviations", **ABOVE)
+    return laid_out(figure, 300, CLOCK_TITLE, "standard deviations", **LEGEND_LAYOUT)
 
 
-def liveliest_start(signal_1: Vector, shared: slice) -> int:
-    """Return the start of the close-up with the most energy in the part of a recording that both share."""
+def highest_energy_start(signal_1: Vector, shared: slice) -> int:
+    """Return the start of the close-up with the most energy, within the overlap of both recordings."""
     energy = np.concatenate(([0.0], np.cumsum(_standardised(signal_1[shared]) ** 2)))
     length = min(CLOSE_UP_SAMPLES, shared.stop - shared.start)
     return int(shared.start) + int(np.argmax(energy[length:] - energy[:-length]))
@@ -81,13 +83,14 @@ def close_up(signal_1: Vector, signal_2: Vector, lag: int, start: int) -> go.Fig
     samples = np.arange(start, stop, dtype=np.int32)
     shown = (_standardised(signal_1)[start:stop], _standardised(signal_2)[start + lag : stop + lag])
     figure = go.Figure()
-    # A broad line under a narrow one, so that both show where they coincide.
+    # A broad line under a narrow one, so that both are visible where they coincide.
     for signal, name, colour, width in zip(
         shown, ("sensor 1", "sensor 2, shifted to line up"), (SENSOR_1, SENSOR_2), (7, 2), strict=True
     ):
         line = {"color": colour, "width": width}
         figure.add_trace(go.Scatter(x=samples, y=signal.astype(np.float32), name=name, mode="lines", line=line))
-    return laid_out(figure, 300, {"title": "sample of sensor 1", "tickformat": ",d"}, "standard deviations", **ABOVE)
+    x = {"title": "sample of sensor 1", "tickformat": ",d"}
+    return laid_out(figure, 300, x, "standard deviations", **LEGEND_LAYOUT)
 
 
 def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] | None = None) -> go.Figure:
@@ -100,11 +103,11 @@ def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] |
     title
         Title of the axis.
     sizes
-        Lengths of the recordings, to convert a curve weighted by overlap to plain Pearson; the ribbon then widens as
-        the overlap shrinks.
+        Lengths of the recordings, to convert a curve weighted by overlap to plain Pearson correlation; the ribbon then
+        widens as the overlap shrinks.
     """
     figure = go.Figure()
-    colour = PEAK if result.verdict == "sure" else DOUBTFUL
+    colour = PEAK if result.verdict == "sure" else DOUBTFUL_COLOUR
     marks: list[go.Scatter] = []
     if result.lags is not None and result.correlation is not None:
         weight = _weights(result.lags, sizes)
@@ -113,23 +116,14 @@ def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] |
         marks = _marks(result, curve)
         peak = int(np.searchsorted(result.lags, result.lag))
         shown = np.searchsorted(result.lags, [lag for mark in marks for lag in mark.x])
-        around = range(max(0, peak - CLOSE), min(peak + CLOSE + 1, curve.size))
+        around = range(max(0, peak - FULL_DETAIL_LAGS), min(peak + FULL_DETAIL_LAGS + 1, curve.size))
         figure.add_trace(_line(result.lags, curve, title, CORRELATION, [*shown.tolist(), *around]))
         height = float(curve[peak])
         first, last = result.lags[[0, -1]].tolist()
         if sizes is not None:
             figure.update_yaxes(range=[-1.08, 1.08])
     else:
-        votes = dict(list((result.votes or {}).items())[:VOTES_SHOWN])
-        lags, counts = np.array(list(votes), dtype=np.int32), np.array(list(votes.values()), dtype=np.int32)
-        spread = float(np.ptp(lags))
-        bar_width = max(1.0, spread / VOTES_SHOWN)
-        figure.add_trace(go.Bar(x=lags, y=counts, width=bar_width, name=title, marker={"color": CORRELATION}))
-        height = float(counts[0])
-        first, last = int(lags.min()), int(lags.max())
-        room = max(0.02 * spread, 20.0)
-        figure.update_xaxes(range=[first - room, last + room])
-        figure.update_yaxes(range=[0, 1.1 * height], tickformat=",d", dtick=1 if height < 6 else None)
+        height, first, last = _add_votes(figure, result.votes or {}, title)
     over_time, label = result.over_time, f"  {result.lag:,}  "
     if over_time is not None and over_time.changes:
         low, high = round(over_time.lowest), round(over_time.highest)
@@ -147,25 +141,38 @@ def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] |
             11,
             2.5,
             text=[typeset(label)],
-            textposition="middle left" if result.lag > first + _FAR_RIGHT * (last - first) else "middle right",
+            textposition="middle left" if result.lag > first + LABEL_LEFT_SHARE * (last - first) else "middle right",
             textfont={"color": colour, "size": 14},
             name="peak",
             hovertemplate="lag %{x}: %{y}<extra>peak</extra>",
         )
     )
     x = {"title": "lag, samples (right: 2 hears it later)", "tickformat": ",d"}
-    laid_out(figure, 300, x, {"title": title, "hoverformat": ",.3~f"}, **ALONE)
-    return figure if label else figure.update_layout(margin_t=_ANNOTATED)
+    laid_out(figure, 300, x, {"title": title, "hoverformat": ",.3~f"}, **NO_LEGEND_LAYOUT)
+    return figure if label else figure.update_layout(margin_t=LABEL_MARGIN_PX)
+
+
+def _add_votes(figure: go.Figure, votes: Mapping[int, int], title: str) -> tuple[float, int, int]:
+    """Add bars of the most frequent votes; return the largest number of votes, and the first and the last lag shown."""
+    shown = list(votes.items())[:VOTES_SHOWN]
+    lags, counts = np.array(shown, dtype=np.int32).T
+    first, last = int(lags.min()), int(lags.max())
+    bar_width = max(1.0, (last - first) / VOTES_SHOWN)
+    figure.add_trace(go.Bar(x=lags, y=counts, width=bar_width, name=title, marker={"color": CORRELATION}))
+    height, margin = float(counts[0]), max(0.02 * (last - first), 20.0)
+    figure.update_xaxes(range=[first - margin, last + margin])
+    figure.update_yaxes(range=[0, 1.1 * height], tickformat=",d", dtick=1 if height < 6 else None)
+    return height, first, last
 
 
 def _marks(result: SignalLag, curve: Vector) -> list[go.Scatter]:
-    """Return rings around the other points of the curve that the verdict names."""
+    """Return rings around the other points of the curve that the verdict mentions."""
     changes = result.over_time is not None and result.over_time.changes
     opposite = result.judgement.opposite_lag
     named = (result.lag, *result.rivals)
     arrivals = [round(one.lag) for one in result.arrivals if all(abs(one.lag - lag) > 1 for lag in named)]
     kinds: list[tuple[Sequence[int], str, str]] = [
-        (result.rivals, DOUBTFUL, "fits as well"),
+        (result.rivals, DOUBTFUL_COLOUR, "fits as well"),
         ([] if changes else arrivals, CORRELATION, "another arrival"),
         ([] if opposite is None else [opposite], PEAK, "opposite sign"),
     ]
@@ -186,27 +193,27 @@ def _marks(result: SignalLag, curve: Vector) -> list[go.Scatter]:
 
 
 def _weights(lags: npt.NDArray[np.int64], sizes: tuple[int, int] | None) -> Vector:
-    """Return the overlap weights of the curve, which keep short overlaps from winning; 1 without `sizes`."""
+    """Return the overlap weights of the curve, with which short overlaps cannot win; 1 without `sizes`."""
     if sizes is None:
         return np.ones(lags.size)
     return np.asarray(np.sqrt(overlap_length(*sizes, lags) / min(sizes)))
 
 
-MOST_AGREEMENT = 100
-"""Standard deviations at the end of the agreement's scale, which is logarithmic and begins at 1."""
+MAX_AGREEMENT = 100
+"""End of the scale of the agreement, standard deviations; it is logarithmic and begins at 1."""
 
 
 def agreement_on_scale(judgement: LagJudgement) -> list[float]:
-    """Return where chance, what is needed and the evidence are on the scale of the agreement, 0..1."""
-    levels = np.clip([judgement.chance, judgement.needed, judgement.evidence], 1, MOST_AGREEMENT)
-    return [float(one) for one in np.log(levels) / np.log(MOST_AGREEMENT)]
+    """Return the positions of chance, needed evidence and evidence on the scale of the agreement, 0..1."""
+    levels = np.clip([judgement.chance, judgement.needed, judgement.evidence], 1, MAX_AGREEMENT)
+    return [float(one) for one in np.log(levels) / np.log(MAX_AGREEMENT)]
 
 
 def band_of_chance(result: SignalLag) -> tuple[float, float] | None:
-    """Return the values between which chance keeps the curve; None if they are not known.
+    """Return the values between which a curve due to chance lies; None if they are not known.
 
-    They come from the curve's own spread. Where equal peaks are so many that they make up the spread, as for a tone, it
-    says nothing about chance; nor where a few loud events that share nothing rise far above it.
+    They follow from the curve's own spread. It does not measure chance where it is due to many equal peaks, as for a
+    tone, nor where a few loud events without relation rise far above it.
     """
     band = result.judgement.ribbon
     if band is None or result.lags is None or result.correlation is None:
@@ -241,7 +248,7 @@ def _add_ribbon(figure: go.Figure, result: SignalLag, weight: Vector) -> None:
 
 
 def lag_over_time(over_time: LagOverTime, sampling_rate: float) -> go.Figure:
-    """Return the lag of each block over the time of recording 1, and its lines: another after each step."""
+    """Return the lag of each block over the time of recording 1, with a fitted line for each stretch between steps."""
     ends = [(one, place) for one in over_time.stretches for place in (one.begin, one.end)]
     lags = np.array([one.lag_at(place) for one, place in ends])
     seconds = np.array([place for _, place in ends]) / sampling_rate
@@ -260,7 +267,7 @@ def lag_over_time(over_time: LagOverTime, sampling_rate: float) -> go.Figure:
     every = np.concatenate((lags, measured))
     middle, half = float(every.max() + every.min()) / 2, max(0.5, 0.6 * float(np.ptp(every)))
     y = {"title": "lag, samples", "tickformat": ",.6~f", "range": [middle - half, middle + half]}
-    return laid_out(go.Figure([lines, blocks]), 300, CLOCK, y, **ALONE)
+    return laid_out(go.Figure([lines, blocks]), 300, CLOCK_TITLE, y, **NO_LEGEND_LAYOUT)
 
 
 def run_times(seconds: Vector) -> go.Figure:
@@ -268,7 +275,7 @@ def run_times(seconds: Vector) -> go.Figure:
     milliseconds = 1e3 * seconds
     figure = go.Figure(go.Histogram(x=milliseconds, nbinsx=30, marker={"color": CORRELATION}, name="runs"))
     figure.add_vline(x=float(np.median(milliseconds)), line={"color": PEAK, "width": 2, "dash": "dash"})
-    return laid_out(figure, 220, "ms", "runs", **ALONE)
+    return laid_out(figure, 220, "ms", "runs", **NO_LEGEND_LAYOUT)
 
 
 def _named(signal_1: Vector, signal_2: Vector) -> tuple[tuple[Vector, str, str], tuple[Vector, str, str]]:
@@ -276,9 +283,9 @@ def _named(signal_1: Vector, signal_2: Vector) -> tuple[tuple[Vector, str, str],
 
 
 def _line(x: npt.NDArray[Any], y: Vector, name: str, colour: str, marked: Sequence[int] = ()) -> go.Scatter:
-    """Return a line of about `POINTS` points that looks like the full one, among them those of the indices `marked`."""
-    if y.size > POINTS:
-        kept = MinMaxDownsampler().downsample(np.ascontiguousarray(y), n_out=POINTS - 2)  # type: ignore[no-untyped-call]
+    """Return a line of about `MAX_POINTS` points that looks like the full one and includes the indices `marked`."""
+    if y.size > MAX_POINTS:
+        kept = MinMaxDownsampler().downsample(np.ascontiguousarray(y), n_out=MAX_POINTS - 2)  # type: ignore[no-untyped-call]
         kept = np.array(sorted({0, y.size - 1, *kept.tolist(), *marked}))
         x, y = x[kept], y[kept]
     small = np.int32 if np.issubdtype(x.dtype, np.integer) else np.float32
@@ -288,6 +295,6 @@ def _line(x: npt.NDArray[Any], y: Vector, name: str, colour: str, marked: Sequen
 
 
 def _standardised(signal: Vector) -> Vector:
-    """Return the signal with zero mean, in standard deviations, to make sensors of different gain comparable."""
+    """Return the signal with zero mean, in standard deviations, so that sensors of different gain are comparable."""
     centred = signal - signal.mean()
     return np.asarray(centred / (centred.std() or 1.0))

@@ -1,4 +1,4 @@
-"""Template matches framed in the image, the score map, and the outcome of a search in a damaged part."""
+"""Template matches framed in the image, score maps, and results of searches in a damaged part."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from stereolag.figures.charts import legend
 from stereolag.figures.pictures import (
     BLACK,
     FRAME,
-    SHOWN_WIDTH,
+    MAX_WIDTH_PX,
     VIRIDIS,
     WHITE,
     Colour,
@@ -37,8 +37,9 @@ from stereolag.templates.trials import Trial, pixels_around
 Point: TypeAlias = tuple[int, int]
 Shape: TypeAlias = tuple[int, ...]
 
-CLOSE_UP_WIDTH = 640
-LEFT_OUT = 128
+CLOSE_UP_WIDTH_PX = 640
+MASKED_GREY = 128
+"""Grey level of the template's pixels that are not compared."""
 
 
 def framed(
@@ -47,12 +48,12 @@ def framed(
     doubtful: Sequence[TemplateMatch] = (),
     *,
     template: Shape | None = None,
-    width: int = SHOWN_WIDTH,
+    width: int = MAX_WIDTH_PX,
 ) -> bytes:
     """Return the image, at most `width` px wide, as a PNG with a frame around every match, boldest for the best.
 
-    Frames are dashed at doubtful places, and rotated if the shape of the template is given. What disagrees with the
-    template is outlined.
+    Frames are dashed at doubtful places, and rotated if the shape of the template is given. Blocks that disagree with
+    the template are outlined.
     """
     shown = fitted(picture, width).copy()
     scale = shown.shape[1] / picture.shape[1]
@@ -65,13 +66,13 @@ def framed(
     return png(shown)
 
 
-def what_counts(template: Image, mask: Image | None) -> bytes:
+def masked_template(template: Image, mask: Image | None) -> bytes:
     """Return the template as a PNG, neutral grey where its mask, or else its alpha, excludes it."""
     if mask is None:
         return png(as_rgb(template))
     colours = template[:, :, :3] if template.ndim == 3 else template
     shown = as_rgb(colours).copy()
-    shown[~opaque_pixels(template, mask)] = LEFT_OUT
+    shown[~opaque_pixels(template, mask)] = MASKED_GREY
     return png(shown)
 
 
@@ -83,7 +84,7 @@ def match_close_up(
     rows = pixels_around(match.row + match.height // 2, height, picture.shape[0])
     cols = pixels_around(match.col + match.width // 2, height * 4 // 3, picture.shape[1])
     part = as_rgb(picture[rows, cols])
-    scale = CLOSE_UP_WIDTH / max(part.shape[:2])
+    scale = CLOSE_UP_WIDTH_PX / max(part.shape[:2])
     size = (max(1, round(part.shape[1] * scale)), max(1, round(part.shape[0] * scale)))
     shown = np.asarray(cv2.resize(part, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
     moved = replace(match, row=match.row - rows.start, col=match.col - cols.start)
@@ -94,23 +95,23 @@ def match_close_up(
 def score_map_png(score_map: FloatMap, matches: Sequence[TemplateMatch], factor: int | None = None) -> bytes:
     """Return the score of every place as a PNG: dark at 0 and below, yellow at 1, flat places grey, matches ringed.
 
-    A pixel that stands for `factor` × `factor` places, as many as the page has room for unless given, shows the best of
-    them, because a peak is one place wide.
+    Each pixel shows the best score of `factor` × `factor` places, because a peak is one place wide; by default the map
+    is as large as fits the page.
     """
     factor = factor or block_side(score_map)
     shown = coloured(best_of_blocks(score_map, factor)[0], 0, 1)
     for match in matches:
         centre = (match.col // factor, match.row // factor)
         radius, width = max(8, shown.shape[1] // 50), max(1, shown.shape[1] // 250)
-        for colour, thickness in ((WHITE, width + 2), (FRAME, width)):  # seen on every colour by all eyes
+        for colour, thickness in ((WHITE, width + 2), (FRAME, width)):  # visible on every colour
             cv2.circle(shown, centre, radius, colour, thickness, cv2.LINE_AA)
     return png(shown)
 
 
 def relief(search: ReducedSearch, row: int, col: int, side: int = 400) -> Rgba:
-    """Return the scores around a place, seen from the front and above, (side, side, 4) uint8.
+    """Return a relief of the scores around a place, seen from the front and above, (side, side, 4) uint8.
 
-    Equal heights always mean equal scores, which rise from 0; places without a score, and outside the map, lie at 0.
+    Equal heights are equal scores, from 0 upwards; places without a score and outside the map have the height 0.
     """
     reach = int(np.clip(round(0.6 * max(search.opaque.shape)), 8, 20))
     around = np.nan_to_num(np.pad(search.score_map, reach))[row : row + 2 * reach + 1, col : col + 2 * reach + 1]
@@ -134,7 +135,7 @@ def relief(search: ReducedSearch, row: int, col: int, side: int = 400) -> Rgba:
 
 @cache
 def score_legend() -> go.Figure:
-    """Return the legend of the score colours, made once; it must not be changed."""
+    """Return the legend of the score colours; it is shared and must not be changed."""
     return legend(0, 1, VIRIDIS, "score")
 
 
@@ -154,16 +155,16 @@ def _draw_frame(
     picture
         The picture to draw on, changed in place.
     match
-        The match, in pixels of the picture before scaling.
+        The match, in pixels of the image searched.
     scale, thickness
-        Size of `picture` relative to the one searched; thickness of the frame, px.
+        Size of `picture` relative to the image searched; thickness of the frame, px.
     template
         Shape of the template, to rotate the frame with the match; None for the upright box around it.
     dashed
         Whether the frame is dashed.
     """
     for colour, width in ((BLACK, thickness + 1), (WHITE, max(1, thickness // 2))):
-        for start, end in _differing(match, scale):
+        for start, end in _disagreement_lines(match, scale):
             cv2.line(picture, start, end, colour, width)
     corners = corners_of(match, scale, thickness // 2 + 1, template)
     for colour, width in ((WHITE, thickness + 2), (FRAME, thickness)):
@@ -172,9 +173,9 @@ def _draw_frame(
                 cv2.line(picture, one, other, colour, width)
 
 
-def _differing(match: TemplateMatch, scale: float) -> Iterator[tuple[Point, Point]]:
-    """Yield the ends of the lines, scaled, between blocks of a match that disagree with the template and all else."""
-    if match.kind == "not_there" or not match.blocks:  # nearly all of them disagree
+def _disagreement_lines(match: TemplateMatch, scale: float) -> Iterator[tuple[Point, Point]]:
+    """Yield the ends of the lines, scaled, around blocks of a match that disagree with the template."""
+    if match.kind == "not_there" or not match.blocks:  # nearly all blocks disagree
         return
     differs = np.pad(~np.array(match.blocks), 1)
     down, across = match.height / len(match.blocks), match.width / len(match.blocks[0])
@@ -188,18 +189,18 @@ def _differing(match: TemplateMatch, scale: float) -> Iterator[tuple[Point, Poin
         yield corner(row - 1, col), corner(row, col)
 
 
-def corners_of(match: TemplateMatch, scale: float, away: int, template: Shape | None) -> tuple[Point, ...]:
-    """Return the (x, y) of the corners of a match, scaled and moved outwards by `away` px.
+def corners_of(match: TemplateMatch, scale: float, margin: int, template: Shape | None) -> tuple[Point, ...]:
+    """Return the (x, y) of the corners of a match, scaled and moved outwards by `margin` px.
 
-    `template` is the shape of the template, to rotate them with the match; None for the upright box around it.
+    `template` is the shape of the template, to rotate the corners with the match; None for the upright box around it.
     """
     if template is None or not match.rotation:
-        left, top = round(match.col * scale) - away, round(match.row * scale) - away
-        right = round((match.col + match.width) * scale) + away
-        bottom = round((match.row + match.height) * scale) + away
+        left, top = round(match.col * scale) - margin, round(match.row * scale) - margin
+        right = round((match.col + match.width) * scale) + margin
+        bottom = round((match.row + match.height) * scale) + margin
         return (left, top), (right, top), (right, bottom), (left, bottom)
     centre_row, centre_col = (match.row + match.height / 2) * scale, (match.col + match.width / 2) * scale
-    tall, wide = (side * match.scale * scale / 2 + away for side in template[:2])
+    tall, wide = (side * match.scale * scale / 2 + margin for side in template[:2])
     sine, cosine = math.sin(math.radians(match.rotation)), math.cos(math.radians(match.rotation))
     # Rows count downwards: seen on screen, a counter-clockwise rotation moves the right side up.
     return tuple(
@@ -209,7 +210,7 @@ def corners_of(match: TemplateMatch, scale: float, away: int, template: Shape | 
 
 
 def _dashes(start: Point, end: Point, length: int) -> Iterator[tuple[Point, Point]]:
-    """Yield the ends of the dashes of a line, with gaps as long as a dash; both ends of the line have a dash."""
+    """Yield the ends of the dashes of a line, which begins and ends with one; gaps are as long as dashes."""
     span = max(abs(end[0] - start[0]), abs(end[1] - start[1]))
     pieces = 2 * max(1, round(span / length / 2)) + 1
     at = [

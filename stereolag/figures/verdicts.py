@@ -1,4 +1,4 @@
-"""What each result says first, in words: pages and notebooks begin with the same sentences."""
+"""The verdict on each result in words, with which pages and notebooks begin."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from stereolag.signals import SignalLag
 from stereolag.stereo.matcher import Reason
 from stereolag.templates import TemplateMatch, TemplateSearch
 
-LEAST_SPREAD = 0.01
-"""Samples; a smaller spread is reported as less than this."""
+MIN_UNCERTAINTY = 0.01
+"""Least uncertainty of a lag that is reported, samples."""
 
 
 def lag_in_words(result: SignalLag, assumed: Collection[str] = ()) -> str:
-    """Return which sensor hears the sound later, by how much, how sure that is, and the path difference.
+    """Return in words which sensor hears the sound later, by how much, the uncertainty, and the path difference.
 
-    `assumed` names the settings that neither a file nor the visitor gave.
+    `assumed` names the settings given by neither a file nor the visitor.
     """
     over_time, hertz = result.over_time, f"{result.sampling_rate:,.10g} Hz"
     if over_time is not None and over_time.changes:
         rate = f", at {hertz}, assumed" if over_time.steps and "sampling_rate" in assumed else ""
         return f"Sensor 2 hears it **{over_time_in_words(over_time, result.sampling_rate)}**{rate}."
-    doubt = "" if np.isnan(result.uncertainty) else f" ± {max(result.uncertainty, LEAST_SPREAD):.1g}"
+    doubt = "" if np.isnan(result.uncertainty) else f" ± {max(result.uncertainty, MIN_UNCERTAINTY):.1g}"
     if result.lag == 0:
         return f"Both sensors hear it **at the same time**{f' (0{doubt} samples)' if doubt else ''}."
     later, earlier = (2, 1) if result.lag > 0 else (1, 2)
@@ -42,13 +42,13 @@ def lag_in_words(result: SignalLag, assumed: Collection[str] = ()) -> str:
     )
 
 
-def _decimals(doubt: float) -> int:
-    """Return how many decimals a number has that is off by this much, at most two; none if that is unknown."""
-    return 0 if np.isnan(doubt) or doubt >= 1 else 1 if doubt >= 0.1 else 2
+def _decimals(uncertainty: float) -> int:
+    """Return the number of decimals of a number with this uncertainty, at most two; 0 if it is not known."""
+    return 0 if np.isnan(uncertainty) or uncertainty >= 1 else 1 if uncertainty >= 0.1 else 2
 
 
 def verdict_in_words(result: SignalLag, assumed: Collection[str] = ()) -> str:
-    """Return the lag if it is sure, otherwise why none can be given."""
+    """Return the lag in words if it is sure, otherwise why none can be given."""
     judgement = result.judgement
     if judgement.verdict == "sure":
         return lag_in_words(result, assumed)
@@ -56,16 +56,16 @@ def verdict_in_words(result: SignalLag, assumed: Collection[str] = ()) -> str:
         return f"Cannot tell: it repeats every **{_samples(judgement.spacing)} samples**."
     if judgement.verdict == "ambiguous":
         lags = sorted((result.lag, *judgement.rivals))
-        if len(lags) <= MOST_NAMED:
+        if len(lags) <= MAX_NAMED:
             return f"Cannot tell: **{enumeration([f'{lag:,}' for lag in lags])} samples** fit equally well."
         return f"Cannot tell: **at least {len(lags) - 1} other lags fit** as well."
-    return _NOTHING_WORDS[judgement.reason]
+    return NOTHING_WORDS[judgement.reason]
 
 
-MOST_NAMED = 4
+MAX_NAMED = 4
+"""Largest number of lags that fit equally well and are all named."""
 
-
-_NOTHING_WORDS = {
+NOTHING_WORDS = {
     "chance": "Nothing in common found: the highest point is at chance level.",
     "one_lag": "Only a lag of 0 was searched, and the recordings do not agree there: allow a larger one.",
     "too_little": "Not sure of anything in common: so few samples agree that chance could line them up.",
@@ -83,7 +83,7 @@ def verdict_explained(result: SignalLag) -> list[str]:
     if over_time is not None and over_time.changes:
         said.append("A lag that changes is not due to the path alone, so no metres are given.")
     if len(result.arrivals) > 1 and judgement.reason != "repeats":
-        shown = ", ".join(f"{round(one.lag):,} ({one.sigma:.1f} σ)" for one in result.arrivals[:_MOST_LISTED])
+        shown = ", ".join(f"{round(one.lag):,} ({one.sigma:.1f} σ)" for one in result.arrivals[:MAX_LISTED])
         said.append(f"Arrivals beyond chance, samples: {shown}. The direct sound and its echoes, or several sounds.")
     if judgement.opposite_lag is not None:
         said.append(
@@ -91,7 +91,7 @@ def verdict_explained(result: SignalLag) -> list[str]:
             "microphone, or negate one file."
         )
     elif judgement.verdict == "ambiguous":
-        fit = "" if len(judgement.rivals) < MOST_NAMED else f"{_nearest(result)} fit about equally well. "
+        fit = "" if len(judgement.rivals) < MAX_NAMED else f"{_nearest(result)} fit about equally well. "
         said.append(f"{fit}A stretch that does not repeat, or a smaller largest lag, can decide.")
     elif judgement.reason == "few_votes" and result.arrivals:
         lag, sigma = result.arrivals[0]
@@ -108,12 +108,13 @@ def verdict_explained(result: SignalLag) -> list[str]:
     return said
 
 
-_MOST_LISTED = 5
+MAX_LISTED = 5
+"""Largest number of arrivals, and of the nearest lags, that are listed."""
 
 
 def _nearest(result: SignalLag) -> str:
-    """Return the lag and the rivals nearest to it in words, and how many more were found."""
-    lags = sorted((result.lag, *result.rivals[: _MOST_LISTED - 1]))
+    """Return the lag and the rivals nearest to it in words, and the number of others found."""
+    lags = sorted((result.lag, *result.rivals[: MAX_LISTED - 1]))
     more = 1 + len(result.rivals) - len(lags)
     return f"The lags {'; '.join(f'{lag:,}' for lag in lags)} and at least {more} more"
 
@@ -125,7 +126,7 @@ def _samples(spacing: float) -> str:
 
 @typesets
 def curve_in_words(result: SignalLag) -> str:
-    """Return a description of the lag curve: where it is highest, and whether that peak stands alone."""
+    """Return a description of the lag curve: where it is highest, and whether it has other peaks as high."""
     if result.lags is None:
         votes = (result.votes or {}).get(result.lag, 0)
         return f"Votes for each lag: most of them, {votes:,}, are for lag {result.lag:,} samples."
@@ -144,12 +145,11 @@ def curve_in_words(result: SignalLag) -> str:
     return f"{searched}: no peak is beyond chance; the highest point is at {result.lag:,}."
 
 
-EQUAL = 0.005
-"""Scores that differ by less are reported as equal."""
+EQUAL_SCORES = 0.005
+"""Difference below which scores are reported as equal."""
 
-
-SCORES_TOLD = 5
-
+MAX_SCORES = 5
+"""Largest number of scores listed."""
 
 REMARKS: Final[dict[str, str]] = {
     "lower_contrast": ", with lower contrast",
@@ -159,10 +159,9 @@ REMARKS: Final[dict[str, str]] = {
     "mirrored": ", but its mirror image is there",
     "differs": ", but something similar is there",
 }
-"""What a verdict adds to found or not found."""
+"""{reason of a verdict: words added to "Found …" or "Not found"}."""
 
-
-COUNTED = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine", "Ten")
+NUMBER_WORDS = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine", "Ten")
 
 
 def headline(result: TemplateSearch) -> str:
@@ -179,15 +178,15 @@ def headline(result: TemplateSearch) -> str:
         return f"Found at row {best.row}, column {best.col}{posed}{remark}"
     if result.reason == "look_alikes":
         scores = [one.score for one in result.look_alikes]
-        if scores[0] - scores[-1] < EQUAL:
+        if scores[0] - scores[-1] < EQUAL_SCORES:
             return f"{_counted(len(scores))} places fit equally well"
-        told = " ".join(f"{score:.3f}" for score in scores[:SCORES_TOLD])
-        return f"{_counted(len(scores))} look-alikes: {told}{' …' if len(scores) > SCORES_TOLD else ''}"
+        listed = " ".join(f"{score:.3f}" for score in scores[:MAX_SCORES])
+        return f"{_counted(len(scores))} look-alikes: {listed}{' …' if len(scores) > MAX_SCORES else ''}"
     return f"Not found{REMARKS.get(result.reason, '')}"
 
 
 def is_cut_off(result: TemplateSearch) -> bool:
-    """Return whether the best place found is partly outside the image, where the score map has no place for it."""
+    """Return whether the best match is partly outside the image, where there are no scores."""
     if not result.found or result.score_map is None:
         return False
     row, col = result.matches[0].row, result.matches[0].col
@@ -195,7 +194,7 @@ def is_cut_off(result: TemplateSearch) -> bool:
 
 
 def remark_on(match: TemplateMatch) -> str:
-    """Return what a place shows if it is not simply the template, as a sentence; empty otherwise."""
+    """Return a sentence on how a match differs from the template; "" if it does not."""
     differing = sum(not agrees for line in match.blocks for agrees in line)
     blocks = f"{differing} of {sum(map(len, match.blocks))} blocks"
     if match.kind in ("lower_contrast", "higher_contrast") and match.contrast is not None:
@@ -225,11 +224,11 @@ def _pose(match: TemplateMatch) -> str:
 
 
 def _counted(number: int) -> str:
-    return COUNTED[number] if number < len(COUNTED) else f"{number}"
+    return NUMBER_WORDS[number] if number < len(NUMBER_WORDS) else f"{number}"
 
 
 def doubtful(result: TemplateSearch) -> list[TemplateMatch]:
-    """Return the places to frame if nothing is found: the look-alikes, or the best one."""
+    """Return the places to frame if the template is not found: the look-alikes, or the best place."""
     if result.found or result.best is None:
         return []
     return result.look_alikes or [result.best]
@@ -237,9 +236,9 @@ def doubtful(result: TemplateSearch) -> list[TemplateMatch]:
 
 def framed_in_words(result: TemplateSearch) -> str:
     """Return a text alternative for the framed image."""
-    framed = [place(match) for match in (result.matches[: result.clear] or doubtful(result))[:SCORES_TOLD]]
-    said = f"The image: {headline(result)}."
-    return f"{said} Framed{'' if result.found else ', dashed'}: {'; '.join(framed)}." if framed else said
+    framed = [place(match) for match in (result.matches[: result.clear] or doubtful(result))[:MAX_SCORES]]
+    text = f"The image: {headline(result)}."
+    return f"{text} Framed{'' if result.found else ', dashed'}: {'; '.join(framed)}." if framed else text
 
 
 REASON_WORDS = {
@@ -256,7 +255,7 @@ REASON_WORDS = {
 
 @typesets
 def blanks_in_words(reason: ReasonMap) -> str:
-    """Return how much of a map has no measurement, and why, the most frequent reason first."""
+    """Return the share of a map without a measurement in words, by reason, the most frequent first."""
     shares = {cause: float(np.mean(reason == cause)) for cause in Reason if cause is not Reason.MEASURED}
     found = sorted(((share, cause) for cause, share in shares.items() if share), reverse=True)
     if not found:

@@ -1,4 +1,4 @@
-"""Optical flow between two frames, coarse to fine: the way down the levels, its settings and its result."""
+"""Optical flow between two frames: its settings, the matching from coarse to fine levels, and the result."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from stereolag.motion.levels import (
     return_error,
 )
 from stereolag.motion.verdict import (
-    LEVELS,
+    VERDICT_LEVELS,
     FlowVerdict,
     FrameRelation,
     moves_everywhere,
@@ -76,18 +76,13 @@ class VariationalRefinement(Settings):
     )
 
 
-SWEEPS, OVER_RELAXED, SMOOTHER = 6, 1.9, 2
-"""Of the refinement at full and half size: sweeps of the solver in an iteration, and how far each goes; and how much
-smoother than elsewhere it is at full size."""
-
-
 def refined(
     flow: Flow, first: npt.NDArray[np.uint8], second: npt.NDArray[np.uint8], settings: VariationalRefinement, level: int
 ) -> Flow:
-    """Return the flow, refined in its own memory.
+    """Refine the flow in place, and return it.
 
-    At full size one iteration does what three do at the coarse levels, and at half size two: the flow is nearly there,
-    and the solver steps wider.
+    At full size one iteration is as good as three at the coarse levels, and at half size two: the flow is almost right,
+    and the solver is more strongly over-relaxed.
 
     Parameters
     ----------
@@ -101,11 +96,11 @@ def refined(
         The level of the pyramid, 0 at full size.
     """
     refinement = cv2.VariationalRefinement.create()
-    refinement.setAlpha(settings.smoothness * (1 if level else SMOOTHER))
+    refinement.setAlpha(settings.smoothness * (1 if level else 2))
     refinement.setFixedPointIterations(max(1, settings.iterations - max(0, 2 - level)))
     if level < 2:
-        refinement.setSorIterations(SWEEPS)
-        refinement.setOmega(OVER_RELAXED)
+        refinement.setSorIterations(6)
+        refinement.setOmega(1.9)  # the factor of successive over-relaxation
     refinement.calcUV(first, second, flow[1], flow[0])
     return flow
 
@@ -124,16 +119,17 @@ class FlowMap:
     reason
         (H, W) uint8, a :class:`~stereolag.stereo.matcher.Reason` for every pixel. LEFT_RIGHT: the way back from the
         second frame leads elsewhere, mostly because the pixel is hidden there. SPECKLE: an outlier among its
-        neighbours by the universal median test. AMBIGUOUS: the pixel's surroundings do not confirm the match, or fit as
-        well at another one, as along stripes, on smooth slopes with noise, and in patterns that repeat within reach.
+        neighbours by the universal median test. AMBIGUOUS: the pixel's surroundings do not confirm the match, or
+        another motion fits as well, as along stripes, on smooth slopes with noise, and in patterns that repeat within
+        reach.
     verdict
         "related"; or, with no flow at all, "unrelated": the frames have nothing in common; "blank": one of them shows
-        nothing, or only noise; "static background": things move everywhere before a background that does not, so that
+        nothing, or only noise; "static background": objects move everywhere in front of a static background, so that
         both motions fit (subtract the background, with `subtract_minimum`). "identical": the flow is exactly 0.
     elapsed_s
         Computation time, s.
     settings
-        The :class:`~stereolag.motion.matcher.FlowMatcher` that made it.
+        The :class:`FlowMatcher` that made it.
 
     Examples
     --------
@@ -181,13 +177,13 @@ class FlowMap:
         return float(np.count_nonzero(self.valid) / self.valid.size)
 
 
-RESIDUALS = (1, 2, 2, 3)
-"""Reach around the flow of the coarser level, px of the level, finest first."""
+RESIDUAL_REACH_PX = (1, 2, 2, 3)
+"""Reach of the search around the flow of the coarser level, px of the level, finest first."""
 
-TRUSTED_TEXTURE = 0.7
+FULL_WEIGHT_TEXTURE = 0.7
 """Standard deviation from which a window has full weight among its neighbours, grey levels of 255."""
 
-TRUSTED_RETURN = 1.5
+HALF_WEIGHT_ERROR_PX = 1.5
 """Return error that halves the weight, px of the level."""
 
 ROUNDS = (1, 1, 2, 2, 1)
@@ -200,31 +196,37 @@ def _set_weights(
     texture: FloatMap,
     error: FloatMap,
     per_texture: Any,
-    per_return: Any,
+    per_error: Any,
     weight: FloatMap,
     first: int,
     end: int,
 ) -> None:
-    """Set rows `first` to `end` of the weights; given are the inverses of the trusted texture and return error."""
+    """Set the weights of rows `first` to `end`.
+
+    `per_texture` and `per_error` are the inverses of the texture of full weight and of the return error of half weight.
+    """
     for row in range(first, end):
         for col in range(weight.shape[1]):
-            sure = max(score[row, col], np.float32(0)) * min(np.float32(1), texture[row, col] * per_texture)
-            off = error[row, col] * per_return
-            weight[row, col] = sure * sure / (np.float32(1) + off * off * off * off)
+            confidence = max(score[row, col], np.float32(0)) * min(np.float32(1), texture[row, col] * per_texture)
+            relative = error[row, col] * per_error
+            weight[row, col] = confidence * confidence / (np.float32(1) + relative * relative * relative * relative)
 
 
-class View(NamedTuple):
-    """The flow of one level, and the data by which its pixels are judged."""
+class LevelFlow(NamedTuple):
+    """The flow of one level, and the data by which its pixels are tested."""
 
     flow: Flow
     candidates: Candidates
-    """The window matches, before propagation."""
+    """The matches of the windows, before they are smoothed."""
     error: FloatMap
     """(H, W) return error of the flow there and back, px."""
 
 
-WINDOW, SEARCH = 7, 128
-"""Defaults, px."""
+DEFAULT_WINDOW_PX = 7
+"""Default side of the window, px."""
+
+DEFAULT_SEARCH_PX = 128
+"""Default reach of the search, px."""
 
 
 class FlowMatcher(Settings):
@@ -236,7 +238,7 @@ class FlowMatcher(Settings):
     """
 
     window_size: Annotated[int, Pixels(), FitsImage()] = Field(
-        default=WINDOW,
+        default=DEFAULT_WINDOW_PX,
         title="Window",
         description="Side of the square window that is compared at every level, px; odd, so that a pixel is its "
         "middle. Large windows are reliable but blur edges, small ones are sharp but easily fooled.",
@@ -245,7 +247,7 @@ class FlowMatcher(Settings):
         json_schema_extra={"step": 2},
     )
     search: Annotated[int, Pixels(rounded_up=True), OfThePair(), SliderRange(high=256)] = Field(
-        default=SEARCH,
+        default=DEFAULT_SEARCH_PX,
         title="Search",
         description="How far a pixel may have moved in any direction, px.",
         ge=1,
@@ -323,12 +325,12 @@ class FlowMatcher(Settings):
         grey = rescale_extreme_floats(*map(as_grey, images))
         if self.subtract_minimum:
             grey = without_minimum(*grey)
-        view, found = self._solved(*grey, progress or silent)
-        if found.may_hide_a_motion and self._moves_before_a_background(found, *grey):
-            found = FrameRelation("static background", np.zeros_like(found.supported))
-        flow, score, reason = self._judged(view, found, *grey)
+        matched, relation = self._match(*grey, progress or silent)
+        if relation.may_hide_a_motion and self._has_static_background(relation, *grey):
+            relation = FrameRelation("static background", np.zeros_like(relation.supported))
+        flow, score, reason = self._test(matched, relation, *grey)
         return FlowMap(
-            flow[0], flow[1], score, reason, found.verdict, elapsed_s=time.perf_counter() - start, settings=self
+            flow[0], flow[1], score, reason, relation.verdict, elapsed_s=time.perf_counter() - start, settings=self
         )
 
     def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
@@ -336,68 +338,69 @@ class FlowMatcher(Settings):
         pixels = shape[0] * shape[1]
         return COSTS["flow"].estimate(pixels=pixels, doubles=pixels * (np.dtype(dtype) != np.uint8))
 
-    def _solved(self, first: Image, second: Image, progress: Progress) -> tuple[View, FrameRelation]:
-        """Return the flow between two grey frames, not yet judged, and what they have in common."""
+    def _match(self, first: Image, second: Image, progress: Progress) -> tuple[LevelFlow, FrameRelation]:
+        """Return the flow between two grey frames, not yet tested, and the relation of the frames."""
         if np.array_equal(first, second):
-            found = match_level(first, second, None, self.window_size, 1)
-            still = np.zeros_like(found.flow)
-            flat = found.texture <= least_texture(self.texture, first, second)
+            candidates = match_level(first, second, None, self.window_size, 1)
+            zero = np.zeros_like(candidates.flow)
+            flat = candidates.texture <= least_texture(self.texture, first, second)
             verdict: FlowVerdict = "blank" if flat.all() else "identical"
-            return View(still, found._replace(flow=still), still[0]), FrameRelation(verdict, ~flat)
+            return LevelFlow(zero, candidates._replace(flow=zero), zero[0]), FrameRelation(verdict, ~flat)
         count = count_levels(first.shape, self.window_size, self.search, self.levels)
         firsts, seconds = (
-            Frame(one, guide, grey_level(first, second)).pyramid(max(count, LEVELS))
+            Frame(one, guide, grey_level(first, second)).pyramid(max(count, VERDICT_LEVELS))
             for one, guide in zip((first, second), as_eight_bit(first, second), strict=True)
         )
         flows: tuple[Flow | None, Flow | None] = (None, None)
         for level in range(count - 1, -1, -1):
             there, back = (None if flow is None else doubled(flow, firsts[level].shape) for flow in flows)
-            view, back = self._solve(level, firsts[level], seconds[level], there, back)
-            flows = view.flow, back
+            matched, back = self._match_level(level, firsts[level], seconds[level], there, back)
+            flows = matched.flow, back
             progress(1 / 4**level)
-        return view, related_frames(firsts, seconds, view.flow, self.search)
+        return matched, related_frames(firsts, seconds, matched.flow, self.search)
 
-    def _moves_before_a_background(self, found: FrameRelation, first: Image, second: Image) -> bool:
-        """Return whether frames agree better, and move everywhere, once their minimum is subtracted."""
-        view, moving = self._solved(*without_minimum(first, second), silent)
-        return moving.agreement > found.agreement and moves_everywhere(view.flow, moving)
+    def _has_static_background(self, relation: FrameRelation, first: Image, second: Image) -> bool:
+        """Return whether the frames agree better, and move everywhere, once their minimum is subtracted."""
+        matched, without = self._match(*without_minimum(first, second), silent)
+        return without.agreement > relation.agreement and moves_everywhere(matched.flow, without)
 
-    def _solve(
+    def _match_level(
         self, level: int, first: Frame, second: Frame, there: Flow | None, back: Flow | None
-    ) -> tuple[View, Flow]:
-        """Match one level both ways; the finest only forwards, if a coarser level provides the way back."""
+    ) -> tuple[LevelFlow, Flow]:
+        """Match one level both ways; the finest only forwards, if a coarser level provides the flow back."""
         both_ways = level > 0 or back is None
         for _ in range(ROUNDS[min(level, len(ROUNDS) - 1)]):
             candidates = self._candidates(level, first, second, there)
             returning = self._candidates(level, second, first, back) if both_ways else None
             returned = back if returning is None else returning.flow
             assert returned is not None
-            there = self._carried_over(level, first, candidates, return_error(candidates.flow, returned))
+            there = self._smoothed(level, first, candidates, return_error(candidates.flow, returned))
             back = returned
             if returning is not None:
-                back = self._carried_over(level, second, returning, return_error(returned, candidates.flow))
+                back = self._smoothed(level, second, returning, return_error(returned, candidates.flow))
         assert there is not None and back is not None
         if self.refinement is not None:
             there = refined(there, first.guide, second.guide, self.refinement, level)
             if level > 0:
                 back = refined(back, second.guide, first.guide, self.refinement, level)
-        return View(there, candidates, return_error(there, back)), back
+        return LevelFlow(there, candidates, return_error(there, back)), back
 
     def _candidates(self, level: int, first: Frame, second: Frame, flow: Flow | None) -> Candidates:
-        reach = RESIDUALS[min(level, len(RESIDUALS) - 1)]
+        """Return the best match near every pixel, searched around a flow, if one is known."""
+        reach = RESIDUAL_REACH_PX[min(level, len(RESIDUAL_REACH_PX) - 1)]
         if flow is None:
             # One lag more than requested: a peak on the border lacks a neighbour for the sub-pixel fit.
             reach = min(-(-self.search // 2**level) + 1, max(first.shape) - 1)
-        found = match_level(first.grey, second.grey, flow, self.window_size, reach)
-        return best_of_neighbours(found, max(1, self.window_size // 5))
+        candidates = match_level(first.grey, second.grey, flow, self.window_size, reach)
+        return best_of_neighbours(candidates, max(1, self.window_size // 5))
 
-    def _carried_over(self, level: int, frame: Frame, candidates: Candidates, error: FloatMap) -> Flow:
-        """Return the flow propagated from certain to uncertain pixels along the surfaces of the frame."""
+    def _smoothed(self, level: int, frame: Frame, candidates: Candidates, error: FloatMap) -> Flow:
+        """Return the flow, propagated from reliable to unreliable pixels along the surfaces of the frame."""
         weight = np.empty_like(error)
-        units = np.float32(1 / (TRUSTED_TEXTURE * frame.grey_level)), np.float32(1 / TRUSTED_RETURN)
-        over_image(partial(_set_weights, candidates.score, candidates.texture, error, *units, weight), weight.shape)
+        inverses = np.float32(1 / (FULL_WEIGHT_TEXTURE * frame.grey_level)), np.float32(1 / HALF_WEIGHT_ERROR_PX)
+        over_image(partial(_set_weights, candidates.score, candidates.texture, error, *inverses, weight), weight.shape)
         flow = edge_aware_mean(candidates.flow, weight, frame.guide)
-        # At full size the refinement does as well, and the median takes as long as the matching.
+        # At full size the refinement is as good, and the median takes as long as the matching.
         if self.median is not None and (level > 0 or self.refinement is None):
             radius = self.median.radius
             for part in flow:
@@ -405,48 +408,49 @@ class FlowMatcher(Settings):
                 part[...] = weighted_median(part, frame.guide, radius, radius, self.median.contrast)
         return flow
 
-    def _judged(
-        self, view: View, found: FrameRelation, first: Image, second: Image
+    def _test(
+        self, matched: LevelFlow, relation: FrameRelation, first: Image, second: Image
     ) -> tuple[Flow, FloatMap, ReasonMap]:
         """Return the flow without unreliable displacements, its scores, and the reasons."""
-        score, flat = view.candidates.score, view.candidates.texture <= least_texture(self.texture, first, second)
+        flow, score = matched.flow, matched.candidates.score
+        flat = matched.candidates.texture <= least_texture(self.texture, first, second)
         same = unchanged(first, second, self.window_size) & ~flat
-        moves = same & (np.abs(view.flow) >= 1).any(axis=0) if same.any() else same
-        np.copyto(view.flow, 0, where=same & ~moves)
+        moves = same & (np.abs(flow) >= 1).any(axis=0) if same.any() else same
+        np.copyto(flow, 0, where=same & ~moves)
         reason = np.full(score.shape, Reason.MEASURED, np.uint8)
-        tests: list[tuple[Mask, Reason]] = []
+        failed: list[tuple[Mask, Reason]] = []
         if self.median_test is not None:
             spacing = max(1, self.window_size // 2)
-            residual = median_residual(view.candidates.flow, spacing, self.median_test.noise)
-            tests.append((residual > self.median_test.threshold, Reason.SPECKLE))
+            residual = median_residual(matched.candidates.flow, spacing, self.median_test.noise)
+            failed.append((residual > self.median_test.threshold, Reason.SPECKLE))
         if self.forward_backward is not None:
-            tests.append((view.error > self.forward_backward.tolerance, Reason.LEFT_RIGHT))
-        tests += [
-            # No motion fits to the last bit, and so does another, as along an edge.
+            failed.append((matched.error > self.forward_backward.tolerance, Reason.LEFT_RIGHT))
+        failed += [
+            # Standing still fits to the last bit, and so does the motion found, as along an edge.
             (moves, Reason.AMBIGUOUS),
-            (~found.supported, Reason.LOW_TEXTURE if found.verdict == "blank" else Reason.AMBIGUOUS),
+            (~relation.supported, Reason.LOW_TEXTURE if relation.verdict == "blank" else Reason.AMBIGUOUS),
             # A score is missing where the window of the second frame is flat, or outside.
             (score == NO_SCORE, Reason.LOW_TEXTURE),
-            (leaves_frame(view.flow, score.shape), Reason.OUT_OF_FRAME),
+            (leaves_frame(flow, score.shape), Reason.OUT_OF_FRAME),
             (flat, Reason.LOW_TEXTURE),
         ]
-        for where, why in tests:
+        for where, why in failed:
             np.copyto(reason, np.uint8(why), where=where)
         missing = reason != np.uint8(Reason.MEASURED)
         score = np.where(missing, np.float32(np.nan), score)
         if self.filling and not missing.all():
             reason[missing] = Reason.FILLED
         else:
-            np.copyto(view.flow, np.nan, where=missing)
-        return view.flow, score, reason
+            np.copyto(flow, np.nan, where=missing)
+        return flow, score, reason
 
 
 def optical_flow(
     first: npt.ArrayLike,
     second: npt.ArrayLike,
     *,
-    window_size: int = WINDOW,
-    search: int = SEARCH,
+    window_size: int = DEFAULT_WINDOW_PX,
+    search: int = DEFAULT_SEARCH_PX,
     filling: bool = False,
     progress: Progress | None = None,
     **settings: object,
@@ -466,7 +470,7 @@ def optical_flow(
     progress
         Called with the fraction done, 0..1.
     **settings
-        Other settings of :class:`~stereolag.motion.matcher.FlowMatcher`.
+        Other settings of :class:`FlowMatcher`.
 
     Returns
     -------

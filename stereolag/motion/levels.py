@@ -1,11 +1,11 @@
-"""One level of optical flow: its images, and the checks and smoothing of the flow there."""
+"""One level of optical flow: its images, and the smoothing and the tests of the flow."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, TypeAlias
+from typing import Any
 
 import cv2
 import numpy as np
@@ -20,9 +20,6 @@ from stereolag.loops.compilation import compiled
 from stereolag.loops.vector_lanes import item
 from stereolag.motion.candidates import HALF, Flow
 
-Guide: TypeAlias = npt.NDArray[np.uint8]
-"""(H, W) uint8."""
-
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -33,13 +30,13 @@ class Frame:
     grey
         (H, W) image to correlate.
     guide
-        (H, W) uint8 image whose edges bound the smoothing.
+        (H, W) uint8 image at whose edges the smoothing stops.
     grey_level
         One grey level of 255 in the units of `grey`.
     """
 
     grey: Image
-    guide: Guide
+    guide: npt.NDArray[np.uint8]
     grey_level: float
 
     @property
@@ -52,43 +49,40 @@ class Frame:
         frames = [self]
         for _ in range(levels - 1):
             last = frames[-1]
-            guide: Guide = np.asarray(cv2.pyrDown(last.guide), np.uint8)
+            guide: npt.NDArray[np.uint8] = np.asarray(cv2.pyrDown(last.guide), np.uint8)
             grey = guide if last.grey is last.guide else cv2.pyrDown(last.grey)
             frames.append(Frame(grey, guide, self.grey_level))
         return frames
 
 
-def count_levels(shape: tuple[int, int], window: int, search: int, most: int) -> int:
-    """Return the number of useful levels: the coarsest still fits three windows and more than 2 px of the search."""
+def count_levels(shape: tuple[int, int], window: int, search: int, max_levels: int) -> int:
+    """Return the number of useful levels: at the coarsest, three windows fit and the search exceeds 2 px."""
     levels, side = 1, min(shape)
-    while levels < most and side // 2 >= 3 * window and search >> levels > 2:
+    while levels < max_levels and side // 2 >= 3 * window and search >> levels > 2:
         levels, side = levels + 1, (side + 1) // 2
     return levels
 
 
 def doubled(flow: Flow, shape: tuple[int, int]) -> Flow:
     """Return a flow scaled up to the next finer level, of a given (rows, cols)."""
-    out = np.empty((2, *shape), np.float32)
-    for part, to in zip(flow * np.float32(2), out, strict=True):
-        cv2.resize(part, shape[::-1], dst=to, interpolation=cv2.INTER_LINEAR)
-    return out
+    return np.stack([cv2.resize(part, shape[::-1], interpolation=cv2.INTER_LINEAR) for part in flow * np.float32(2)])
 
 
-REACH = 4.0
+SMOOTHING_PX = 4.0
 """Standard deviation of the averaging kernel on a uniform surface, px."""
 
-EDGE = 15.0
-"""Height of an edge that counts as much as a distance of :data:`REACH`, grey levels of 255."""
+EDGE_LEVELS = 15.0
+"""Height of an edge that counts as much as a distance of :data:`SMOOTHING_PX`, grey levels of 255."""
 
-LEAST = np.float32(1e-6)
-"""Least weight of a pixel, so that even an area without any certain pixel has a mean."""
+MIN_WEIGHT = np.float32(1e-6)
+"""Least weight of a pixel, so that even an area without any reliable pixel has a mean."""
 
 
 def edge_aware_mean(flow: Flow, weight: FloatMap, guide: npt.NDArray[np.uint8]) -> Flow:
     """Return the weighted mean of the flow around every pixel, over neighbours on the same image surface.
 
     Pixels without weight are filled from those with weight, however far away: a neighbour's share falls with its
-    distance along the surface, to which edges of the guide add (normalised convolution with the recursive filter of
+    distance along the surface, which edges of the guide increase (normalised convolution with the recursive filter of
     Gastal & Oliveira, "Domain transform for edge-aware image and video processing", 2011).
 
     Parameters
@@ -100,24 +94,28 @@ def edge_aware_mean(flow: Flow, weight: FloatMap, guide: npt.NDArray[np.uint8]) 
     guide
         (H, W) uint8.
     """
-    ramp = np.exp(-math.sqrt(2) / REACH * (1 + REACH / EDGE * np.arange(256))).astype(np.float32)
-    sure = np.maximum(weight, LEAST)
+    share_of = np.exp(-math.sqrt(2) / SMOOTHING_PX * (1 + SMOOTHING_PX / EDGE_LEVELS * np.arange(256)))
+    share_of = share_of.astype(np.float32)
+    positive = np.maximum(weight, MIN_WEIGHT)
     planes = np.empty((3, *guide.shape), np.float32)
-    np.multiply(flow, sure, out=planes[:2])
-    planes[2] = sure
-    over_image(partial(_along_rows, planes, guide, ramp), guide.shape)
-    over_image(partial(_along_columns, planes, guide, ramp), guide.shape[::-1])
+    np.multiply(flow, positive, out=planes[:2])
+    planes[2] = positive
+    over_image(partial(_along_rows, planes, guide, share_of), guide.shape)
+    over_image(partial(_along_columns, planes, guide, share_of), guide.shape[::-1])
     return np.asarray(np.divide(planes[:2], planes[2], out=planes[:2]))
 
 
 @compiled(fastmath={"reassoc", "contract"})
-def _along_rows(planes: Array, guide: Array, ramp: Array, first: int, end: int) -> None:
-    """Filter rows `first` to `end` in both directions: each value passes a share, given by `ramp`, to the next."""
+def _along_rows(planes: Array, guide: Array, share_of: Array, first: int, end: int) -> None:
+    """Filter rows `first` to `end` in both directions.
+
+    Each pixel passes a share of its value to the next, ``share_of[height of the edge between them]``.
+    """
     cols = guide.shape[1]
     share = np.empty(cols, np.float32)
     for row in range(first, end):
         for col in range(1, cols):
-            share[col] = ramp[abs(np.int64(guide[row, col]) - np.int64(guide[row, col - 1]))]
+            share[col] = share_of[abs(np.int64(guide[row, col]) - np.int64(guide[row, col - 1]))]
         # Only one fused step of the processor waits for the pixel before.
         a, b, c = planes[0, row], planes[1, row], planes[2, row]
         last_a, last_b, last_c = a[0], b[0], c[0]
@@ -137,42 +135,43 @@ def _along_rows(planes: Array, guide: Array, ramp: Array, first: int, end: int) 
 
 
 @compiled(fastmath={"reassoc", "contract"})
-def _along_columns(planes: Array, guide: Array, ramp: Array, first: int, end: int) -> None:
+def _along_columns(planes: Array, guide: Array, share_of: Array, first: int, end: int) -> None:
     """Filter columns `first` to `end` in both directions, row by row to follow the memory layout."""
     rows = guide.shape[0]
     share = np.empty(end - first, np.float32)
     for row in range(1, rows):
-        _shares(guide, row, ramp, first, share)
+        _set_shares(guide, row, share_of, first, share)
         for plane in range(3):
-            _move_on(planes[plane, row - 1, first:end], planes[plane, row, first:end], share)
+            _pass_on(planes[plane, row - 1, first:end], planes[plane, row, first:end], share)
     for back in range(1, rows):
         row = rows - 1 - back
-        _shares(guide, row + 1, ramp, first, share)
+        _set_shares(guide, row + 1, share_of, first, share)
         for plane in range(3):
-            _move_on(planes[plane, row + 1, first:end], planes[plane, row, first:end], share)
+            _pass_on(planes[plane, row + 1, first:end], planes[plane, row, first:end], share)
 
 
 @compiled
-def _shares(guide: Array, row: int, ramp: Array, first: int, share: Array) -> None:
+def _set_shares(guide: Array, row: int, share_of: Array, first: int, share: Array) -> None:
     """Set the shares passed between a row and the one above it."""
     for col in range(share.size):
-        share[col] = ramp[abs(np.int64(guide[row, first + col]) - np.int64(guide[row - 1, first + col]))]
+        share[col] = share_of[abs(np.int64(guide[row, first + col]) - np.int64(guide[row - 1, first + col]))]
 
 
 @compiled(fastmath={"reassoc", "contract"})
-def _move_on(source: Array, target: Array, share: Array) -> None:
+def _pass_on(source: Array, target: Array, share: Array) -> None:
+    """Set ``target = share * source + (1 - share) * target``."""
     for col in range(target.size):
         target[col] += share[col] * (source[col] - target[col])
 
 
 def edge_aware_mean_reference(flow: Flow, weight: FloatMap, guide: npt.NDArray[np.uint8]) -> Flow:
-    """Return the result of :func:`edge_aware_mean` up to rounding, computed pixel by pixel in float64 for reference."""
-    sure = np.maximum(weight, LEAST).astype(np.float64)
-    planes = np.stack([flow[0] * sure, flow[1] * sure, sure])
+    """Return the result of :func:`edge_aware_mean` up to rounding, computed line by line in float64 for reference."""
+    positive = np.maximum(weight, MIN_WEIGHT).astype(np.float64)
+    planes = np.stack([flow[0] * positive, flow[1] * positive, positive])
     levels: Any = guide.astype(np.float64)
     for axis in (2, 1):
         line, edges = np.moveaxis(planes, axis, 0), np.moveaxis(levels, axis - 1, 0)
-        share = np.exp(-math.sqrt(2) / REACH * (1 + REACH / EDGE * np.abs(np.diff(edges, axis=0))))
+        share = np.exp(-math.sqrt(2) / SMOOTHING_PX * (1 + SMOOTHING_PX / EDGE_LEVELS * np.abs(np.diff(edges, axis=0))))
         for place in range(1, len(line)):
             line[place] += share[place - 1] * (line[place - 1] - line[place])
         for place in range(len(line) - 2, -1, -1):
@@ -180,8 +179,8 @@ def edge_aware_mean_reference(flow: Flow, weight: FloatMap, guide: npt.NDArray[n
     return np.asarray(planes[:2] / planes[2], dtype=np.float32)
 
 
-FAR_OFF = np.float32(1e4)
-"""Return error assigned where no way back exists, px."""
+NO_RETURN_PX = np.float32(1e4)
+"""Return error where the flow leads out of the frame, px."""
 
 
 class ForwardBackwardCheck(Settings):
@@ -221,7 +220,7 @@ class MedianTest(Settings):
 
 
 def return_error(flow: Flow, back: Flow) -> FloatMap:
-    """Return how far from its start every pixel ends after following both flows, there and back, (H, W) px.
+    """Return the (H, W) distance of every pixel from its start after following both flows, there and back, px.
 
     Parameters
     ----------
@@ -237,40 +236,40 @@ def return_error(flow: Flow, back: Flow) -> FloatMap:
 
 @compiled
 def _return_rows(flow: Flow, back: Flow, error: FloatMap, first: int, end: int) -> None:
-    """Set rows `first` to `end`: the way back is that of the nearest pixel, and FAR_OFF out of the frame."""
+    """Set the errors of rows `first` to `end`; the flow back is that of the pixel nearest to the end point."""
     height, width = error.shape
     lowest, rightmost = np.float32(height - 1), np.float32(width - 1)
-    place, inside = np.empty(width, np.int32), np.empty(width, np.bool_)
+    nearest, inside = np.empty(width, np.int32), np.empty(width, np.bool_)
     for row in range(first, end):
         for col in range(width):
             y, x = flow[0, row, col] + np.float32(row), flow[1, row, col] + np.float32(np.int32(col))
             inside[col] = (y >= -HALF) & (y <= lowest + HALF) & (x >= -HALF) & (x <= rightmost + HALF)
             y, x = min(max(y, np.float32(0)), lowest), min(max(x, np.float32(0)), rightmost)
-            place[col] = np.int32(np.rint(y)) * np.int32(width) + np.int32(np.rint(x))
+            nearest[col] = np.int32(np.rint(y)) * np.int32(width) + np.int32(np.rint(x))
         for col in range(width):
-            there = np.int64(place[col])
-            dy = flow[0, row, col] + item(back, there)
-            dx = flow[1, row, col] + item(back, there + height * width)
-            far = np.sqrt(dy * dy + dx * dx)
-            error[row, col] = far if inside[col] else FAR_OFF
+            place = np.int64(nearest[col])
+            dy = flow[0, row, col] + item(back, place)
+            dx = flow[1, row, col] + item(back, place + height * width)
+            distance = np.sqrt(dy * dy + dx * dx)
+            error[row, col] = distance if inside[col] else NO_RETURN_PX
 
 
 def median_residual(flow: Flow, spacing: int, noise: float) -> FloatMap:
-    """Return how far each displacement lies from the median of its eight neighbours, in units of their own scatter.
+    """Return the deviation of each displacement from the median of its eight neighbours, in units of their scatter.
 
     Parameters
     ----------
     flow
         (2, H, W) px.
     spacing
-        Distance to the neighbours, px: windows that share most of their pixels are no independent evidence.
+        Distance to the neighbours, px: windows that share most of their pixels are not independent evidence.
     noise
         Noise level added to the scatter, px.
 
     Returns
     -------
     ndarray
-        (H, W) float32, both components combined; above about 2 is an outlier.
+        (H, W) float32, both components combined; above about 2 for an outlier.
 
     Notes
     -----
@@ -286,7 +285,7 @@ def median_residual(flow: Flow, spacing: int, noise: float) -> FloatMap:
 
 
 @compiled
-def _middle(a: Any, b: Any, c: Any, d: Any, e: Any, f: Any, g: Any, h: Any) -> Any:
+def _median_of_eight(a: Any, b: Any, c: Any, d: Any, e: Any, f: Any, g: Any, h: Any) -> Any:
     """Return the mean of the middle two of eight numbers, by a branch-free sorting network without its last step."""
     a, c = min(a, c), max(a, c)
     b, d = min(b, d), max(b, d)
@@ -313,22 +312,22 @@ def _add_squares(part: Array, spacing: int, noise: Any, out: Array, first: int, 
     for row in range(first, end):
         above, own, below = part[row], part[row + spacing], part[row + 2 * spacing]
         for col in range(out.shape[1]):
-            there = col + 2 * spacing
-            a, b, c = above[col], above[col + spacing], above[there]
-            d, e = own[col], own[there]
-            f, g, h = below[col], below[col + spacing], below[there]
-            middle = _middle(a, b, c, d, e, f, g, h)
-            scatter = _middle(
-                abs(a - middle),
-                abs(b - middle),
-                abs(c - middle),
-                abs(d - middle),
-                abs(e - middle),
-                abs(f - middle),
-                abs(g - middle),
-                abs(h - middle),
+            right = col + 2 * spacing
+            a, b, c = above[col], above[col + spacing], above[right]
+            d, e = own[col], own[right]
+            f, g, h = below[col], below[col + spacing], below[right]
+            median = _median_of_eight(a, b, c, d, e, f, g, h)
+            scatter = _median_of_eight(
+                abs(a - median),
+                abs(b - median),
+                abs(c - median),
+                abs(d - median),
+                abs(e - median),
+                abs(f - median),
+                abs(g - median),
+                abs(h - median),
             )
-            residual = (own[col + spacing] - middle) / (scatter + noise)
+            residual = (own[col + spacing] - median) / (scatter + noise)
             out[row, col] += residual * residual
 
 
@@ -338,6 +337,6 @@ def median_residual_reference(flow: Flow, spacing: int, noise: float) -> FloatMa
     padded = np.pad(flow, ((0, 0), (spacing, spacing), (spacing, spacing)), mode="reflect")
     shifts = [(y, x) for y in (0, spacing, 2 * spacing) for x in (0, spacing, 2 * spacing) if (y, x) != (spacing,) * 2]
     around = np.stack([padded[:, y : y + rows, x : x + cols] for y, x in shifts])
-    middle = np.median(around, axis=0)
-    scatter = np.median(np.abs(around - middle), axis=0)
-    return np.asarray(np.hypot(*((flow - middle) / (scatter + noise))), dtype=np.float32)
+    median = np.median(around, axis=0)
+    scatter = np.median(np.abs(around - median), axis=0)
+    return np.asarray(np.hypot(*((flow - median) / (scatter + noise))), dtype=np.float32)

@@ -1,4 +1,4 @@
-"""Our own motion: the rigid motion of the static world, whether it may be another, and how exactly it is known."""
+"""Our own motion: the rigid motion of the static world, its standard error, and whether it may be mistaken."""
 
 from __future__ import annotations
 
@@ -13,33 +13,38 @@ from stereolag.core.arrays import DoubleMap, FloatMap, Indices, Mask, Vector
 from stereolag.core.inputs import Image, as_grey
 from stereolag.motion.moving_objects import Camera, MovingTest, Points
 
-MOST_POINTS = 4000
-"""Most points used, taken evenly over the image; more do not improve the motion."""
+MAX_POINTS = 4000
+"""Largest number of points used, evenly spread over the image; more do not improve the motion."""
 
-CELL = 8
+CELL_PX = 8
 """Side of the image cells that contribute their best pixel each, if the image is given, px."""
 
 FLAT_SHARE = 0.3
 """Share of the cells left out, those with the least structure: flow is least accurate without texture."""
 
-LEAST_DISPARITY = 2.0
+MIN_DISPARITY_PX = 2.0
 """Least disparity used, px: farther points agree with any translation and would outvote near ones."""
 
-FEWEST_POINTS = 20
-TRIALS, CONFIDENCE, REFINEMENTS = 500, 0.9999, 3
+MIN_POINTS = 20
+"""Least number of points from which a motion is estimated."""
 
-AREAS = (12, 20)
-"""Rows and columns of areas of the picture. Each has one vote, however rich its texture, and counts as one independent
-witness: flow and disparity are smooth over the width of their windows."""
+AREA_GRID = (12, 20)
+"""Rows and columns of areas of the image. Each area has one vote, however rich its texture, and counts as one
+independent observation: flow and disparity are smooth over the width of their windows."""
 
-MAJORITY, LEAST_RIVAL, RIVAL = 0.5, 0.1, 0.5
-"""Least share of the areas that our own motion explains. Of those that only one of two motions explains, a rival has
-this share of the whole or more, and this share of our own motion's."""
+MIN_EXPLAINED_SHARE = 0.5
+"""Least share of the areas that our own motion must explain."""
 
-COMMON = 0.5
+MIN_RIVAL_SHARE = 0.1
+"""Least share of the areas that a rival motion, and not our own, explains."""
+
+MIN_RIVAL_RATIO = 0.5
+"""Least number of these areas, as a share of those that our own motion, and not the rival, explains."""
+
+COMMON_ERROR_SHARE = 0.5
 """Share of the expected error of a disparity that all disparities of a map may have in common."""
 
-PROBE = 0.5
+DISPARITY_STEP_PX = 0.5
 """Step in disparity for the numerical derivative of a static point's flow, px."""
 
 Doubt: TypeAlias = Literal["", "nothing static", "two motions", "inaccurate"]
@@ -56,13 +61,13 @@ class OwnMotion:
     translation
         (3,) metres.
     inliers
-        Share of the pixels used that agree, 0..1.
+        Share of the points used that agree, 0..1.
     error_m
         Standard error of the distance travelled, metres.
     doubt
-        Why it may not be that of the world: "nothing static" if it explains less than half of the picture; "two
-        motions" if it alone explains less than twice as much as another one alone: a bonnet, or a lorry ahead that is
-        as fast as we are, looks like a world that stands still. Otherwise "".
+        Why it may not be that of the world: "nothing static" if it explains less than half of the image; "two motions"
+        if another rigid motion alone explains at least half as much of it as this one alone: a bonnet, or a lorry ahead
+        that is as fast as we are, looks like a static world. Otherwise "".
     """
 
     rotation: npt.NDArray[np.float64]
@@ -82,20 +87,20 @@ class OwnMotion:
 
 
 class _Sample(NamedTuple):
-    """N pixels: their points (N, 3), disparities, rows and columns, those in the second frame, and areas."""
+    """N pixels: their points (N, 3), disparities, (2, N) rows and columns in both frames, px, and areas."""
 
     points: Points
     disparity: npt.NDArray[np.float32]
     places: npt.NDArray[np.float32]
-    seen: npt.NDArray[np.float32]
+    places_after: npt.NDArray[np.float32]
     area: Indices
 
     def part(self, chosen: Mask) -> _Sample:
-        points, disparity, places, seen, area = self
-        return _Sample(points[chosen], disparity[chosen], places[:, chosen], seen[:, chosen], area[chosen])
+        points, disparity, places, places_after, area = self
+        return _Sample(points[chosen], disparity[chosen], places[:, chosen], places_after[:, chosen], area[chosen])
 
     def votes(self) -> Vector:
-        """Return the weight of each pixel in the vote of all areas, which is 1 in sum."""
+        """Return the weights of the pixels, 1 in sum, which give every area with a pixel the same weight."""
         counts = np.bincount(self.area)
         return np.asarray(1 / (counts[self.area] * np.count_nonzero(counts)))
 
@@ -103,7 +108,7 @@ class _Sample(NamedTuple):
 def estimate_own_motion(
     points: Points,
     disparity: FloatMap,
-    places: FloatMap,
+    places_after: FloatMap,
     camera: Camera,
     settings: MovingTest,
     image: Image | None = None,
@@ -116,7 +121,7 @@ def estimate_own_motion(
         (H, W, 3) metres, seen in the first frame; NaN = none.
     disparity
         (H, W) px, of the same points.
-    places
+    places_after
         (2, H, W) rows and columns of the same points in the second frame, px; NaN = none.
     camera
         The left camera.
@@ -134,72 +139,75 @@ def estimate_own_motion(
     -----
     Perspective-n-point by RANSAC, refined with Levenberg-Marquardt on all inliers (OpenCV's ``solvePnPRansac`` and
     ``solvePnPRefineLM``). OpenCV seeds its random numbers anew in each call, so the result is deterministic. The
-    standard error is robust to errors that the pixels of an area share (C. Cameron and D. Miller, "A practitioner's
+    standard error is robust to errors shared by the pixels of an area (C. Cameron and D. Miller, "A practitioner's
     guide to cluster-robust inference", Journal of Human Resources 50, 2015).
     """
-    farthest = camera.calibration.focal_px * camera.calibration.baseline_m / LEAST_DISPARITY
-    known: Mask = np.isfinite(points).all(axis=2) & np.isfinite(places).all(axis=0) & (points[..., 2] < farthest)
+    max_depth = camera.calibration.focal_px * camera.calibration.baseline_m / MIN_DISPARITY_PX
+    known: Mask = np.isfinite(points).all(axis=2) & np.isfinite(places_after).all(axis=0) & (points[..., 2] < max_depth)
     usable = np.flatnonzero(known) if image is None else corners(image, known)
-    if usable.size < FEWEST_POINTS:
-        raise ValueError(f"Only {usable.size} pixels have both depth and motion; at least {FEWEST_POINTS} are needed.")
-    chosen = usable[np.linspace(0, usable.size - 1, min(usable.size, MOST_POINTS)).astype(np.intp)]
+    if usable.size < MIN_POINTS:
+        raise ValueError(f"Only {usable.size} pixels have both depth and motion; at least {MIN_POINTS} are needed.")
+    chosen = usable[np.linspace(0, usable.size - 1, min(usable.size, MAX_POINTS)).astype(np.intp)]
     row, col = np.unravel_index(chosen, known.shape)
     sample = _Sample(
         points.reshape(-1, 3)[chosen],
         disparity.ravel()[chosen],
         np.stack([row, col]).astype(np.float32),
-        places.reshape(2, -1)[:, chosen],
-        row * AREAS[0] // known.shape[0] * AREAS[1] + col * AREAS[1] // known.shape[1],
+        places_after.reshape(2, -1)[:, chosen],
+        row * AREA_GRID[0] // known.shape[0] * AREA_GRID[1] + col * AREA_GRID[1] // known.shape[1],
     )
     tolerance = 3 * settings.flow_error
-    own, agreeing = _fitted(sample, camera, tolerance)
-    votes, explained = sample.votes(), _explains(own, sample, camera, settings)
-    doubt: Doubt = "" if votes[explained].sum() >= MAJORITY else "nothing static"
+    own, inliers = _fitted(sample, camera, tolerance)
+    votes, explained = sample.votes(), _explained(own, sample, camera, settings)
+    doubt: Doubt = "" if votes[explained].sum() >= MIN_EXPLAINED_SHARE else "nothing static"
     rest = sample.part(~explained)
-    if votes[~explained].sum() >= LEAST_RIVAL and len(rest.points) >= FEWEST_POINTS:
+    if votes[~explained].sum() >= MIN_RIVAL_SHARE and len(rest.points) >= MIN_POINTS:
         try:
-            rival = _explains(_fitted(rest, camera, tolerance)[0], sample, camera, settings)
+            by_rival = _explained(_fitted(rest, camera, tolerance)[0], sample, camera, settings)
         except ValueError:
-            rival = explained
-        alone = votes[rival & ~explained].sum()
-        if alone >= max(LEAST_RIVAL, RIVAL * votes[explained & ~rival].sum()):
+            by_rival = explained
+        only_own, only_rival = votes[explained & ~by_rival].sum(), votes[by_rival & ~explained].sum()
+        if only_rival >= max(MIN_RIVAL_SHARE, MIN_RIVAL_RATIO * only_own):
             doubt = "two motions"
-    error_m = _standard_error(own, sample.part(agreeing), camera, settings)
+    error_m = _standard_error(own, sample.part(inliers), camera, settings)
     return replace(own, error_m=error_m, doubt=doubt)
 
 
 def _fitted(sample: _Sample, camera: Camera, tolerance: float) -> tuple[OwnMotion, Mask]:
-    """Return the rigid motion that most pixels agree with, within a tolerance, px, and which ones do."""
-    seen = np.ascontiguousarray(sample.seen[::-1].T).astype(np.float64)
-    found, turn, shift, numbers = cv2.solvePnPRansac(
+    """Return the rigid motion that most pixels agree with to within a tolerance, px, and the mask of these pixels."""
+    image_points = np.ascontiguousarray(sample.places_after[::-1].T).astype(np.float64)
+    found, rotation_vector, shift, numbers = cv2.solvePnPRansac(
         sample.points,
-        seen,
+        image_points,
         camera.matrix,
         None,
-        iterationsCount=TRIALS,
+        iterationsCount=500,
         reprojectionError=tolerance,
-        confidence=CONFIDENCE,
-        flags=cv2.SOLVEPNP_SQPNP,  # of three points alone, P3P's motion once was a tenth off, with 95 % of the inliers
+        confidence=0.9999,
+        flags=cv2.SOLVEPNP_SQPNP,  # P3P, which uses three points alone, once was off by a tenth, with 95 % inliers
     )
-    agreeing = np.zeros(len(seen), np.bool_)
-    agreeing[numbers[:, 0] if found and numbers is not None else []] = True
-    for _ in range(REFINEMENTS):
-        if np.count_nonzero(agreeing) < FEWEST_POINTS:
+    inliers = np.zeros(len(image_points), np.bool_)
+    inliers[numbers[:, 0] if found and numbers is not None else []] = True
+    for _ in range(3):
+        if np.count_nonzero(inliers) < MIN_POINTS:
             break
-        turn, shift = cv2.solvePnPRefineLM(sample.points[agreeing], seen[agreeing], camera.matrix, None, turn, shift)
-        rotation, translation = np.asarray(cv2.Rodrigues(turn)[0], np.float64), np.asarray(shift[:, 0], np.float64)
+        rotation_vector, shift = cv2.solvePnPRefineLM(
+            sample.points[inliers], image_points[inliers], camera.matrix, None, rotation_vector, shift
+        )
+        rotation = np.asarray(cv2.Rodrigues(rotation_vector)[0], np.float64)
+        translation = np.asarray(shift[:, 0], np.float64)
         projected = camera.projected(sample.points @ rotation.T + translation)
-        agreeing = np.hypot(*(projected - sample.seen)) < tolerance
-    if np.count_nonzero(agreeing) < FEWEST_POINTS:
+        inliers = np.hypot(*(projected - sample.places_after)) < tolerance
+    if np.count_nonzero(inliers) < MIN_POINTS:
         raise ValueError("No rigid motion explains the flow: nothing static seems to be in view.")
-    return OwnMotion(rotation, translation, float(agreeing.mean())), agreeing
+    return OwnMotion(rotation, translation, float(inliers.mean())), inliers
 
 
-def _explains(motion: OwnMotion, sample: _Sample, camera: Camera, settings: MovingTest) -> Mask:
-    """Return which pixels a motion explains, within the errors to be expected of their flow and their depth."""
-    expected = camera.seen(motion.moved(sample.points))
+def _explained(motion: OwnMotion, sample: _Sample, camera: Camera, settings: MovingTest) -> Mask:
+    """Return the mask of pixels that a motion explains to within the expected errors of their flow and depth."""
+    expected = camera.observed(motion.moved(sample.points))
     errors = expected_errors(motion, expected, sample.disparity, sample.places, camera, settings)
-    return np.asarray(np.hypot(*((sample.seen - expected[:2]) / errors[:2])) <= settings.threshold)
+    return np.asarray(np.hypot(*((sample.places_after - expected[:2]) / errors[:2])) <= settings.threshold)
 
 
 def expected_errors(
@@ -223,49 +231,49 @@ def expected_errors(
     camera, settings
         The left camera, and the errors of flow and disparities.
     """
-    varied = own.moved(camera.points(disparity + np.float32(PROBE), places))
-    slope = (camera.seen(varied) - expected) / PROBE
+    varied = own.moved(camera.points(disparity + np.float32(DISPARITY_STEP_PX), places))
+    slope = (camera.observed(varied) - expected) / DISPARITY_STEP_PX
     flow_error = settings.flow_error + settings.relative_error * np.hypot(*(expected[:2] - places))
-    own_error = np.stack([flow_error, flow_error, np.full(disparity.shape, settings.disparity_error)])
-    return np.asarray(np.hypot(own_error, slope * settings.disparity_error))
+    measurement_error = np.stack([flow_error, flow_error, np.full(disparity.shape, settings.disparity_error)])
+    return np.asarray(np.hypot(measurement_error, slope * settings.disparity_error))
 
 
 def _standard_error(own: OwnMotion, sample: _Sample, camera: Camera, settings: MovingTest) -> float:
-    """Return the standard error of the distance travelled, metres; infinite if too few areas tell."""
-    turn = cv2.Rodrigues(own.rotation)[0]
-    projected, slopes = cv2.projectPoints(sample.points, turn, own.translation, camera.matrix, None)
-    slopes = slopes[:, :6].reshape(-1, 2, 6)
+    """Return the standard error of the distance travelled, metres; infinite with too few areas."""
+    rotation_vector = cv2.Rodrigues(own.rotation)[0]
+    projected, jacobian = cv2.projectPoints(sample.points, rotation_vector, own.translation, camera.matrix, None)
+    jacobian = jacobian[:, :6].reshape(-1, 2, 6)
     areas, number = np.unique(sample.area, return_inverse=True)
-    if areas.size <= slopes.shape[2]:
+    if areas.size <= jacobian.shape[2]:
         return np.inf
-    pulls = np.zeros((areas.size + 1, slopes.shape[2]))
-    np.add.at(pulls, number, np.einsum("nij,ni->nj", slopes, sample.seen[::-1].T - projected[:, 0]))
-    # An error that all disparities share moves every point along its ray.
-    varied = own.moved(camera.points(sample.disparity + np.float32(COMMON * settings.disparity_error), sample.places))
-    pulls[-1] = np.einsum("nij,in->j", slopes, camera.projected(varied)[::-1] - projected[:, 0].T)
-    information = np.einsum("nij,nik->jk", slopes, slopes)
-    information += 1e-12 * np.trace(information) * np.eye(len(information))  # points on a line leave a turn open
-    spread = np.linalg.solve(information, pulls.T)[3:]
-    return float(np.sqrt(np.linalg.eigvalsh(spread @ spread.T)[-1]))
+    scores = np.zeros((areas.size + 1, jacobian.shape[2]))  # gradients of the sum of squares, one for each cluster
+    np.add.at(scores, number, np.einsum("nij,ni->nj", jacobian, sample.places_after[::-1].T - projected[:, 0]))
+    # An error common to all disparities moves every point along its ray.
+    common_error = np.float32(COMMON_ERROR_SHARE * settings.disparity_error)
+    varied = own.moved(camera.points(sample.disparity + common_error, sample.places))
+    scores[-1] = np.einsum("nij,in->j", jacobian, camera.projected(varied)[::-1] - projected[:, 0].T)
+    information = np.einsum("nij,nik->jk", jacobian, jacobian)
+    information += 1e-12 * np.trace(information) * np.eye(len(information))  # collinear points leave a rotation free
+    deviations = np.linalg.solve(information, scores.T)[3:]
+    return float(np.sqrt(np.linalg.eigvalsh(deviations @ deviations.T)[-1]))
 
 
 def corners(image: Image, known: Mask) -> Indices:
-    """Return the flat indices of the best corner of every cell among the known pixels.
+    """Return the flat indices of the best corner of each cell among the known pixels.
 
     The smaller eigenvalue of the structure tensor measures how distinct a window is from its neighbours (Shi & Tomasi,
     "Good features to track", CVPR 1994).
     """
     grey = cv2.GaussianBlur(as_grey(image).astype(np.float32), (0, 0), 1.0)
     strength = np.where(known, cv2.cornerMinEigenVal(grey, 7), np.float32(-1))
-    rows, cols = (side // CELL for side in strength.shape)
-    cells = strength[: rows * CELL, : cols * CELL].reshape(rows, CELL, cols, CELL).swapaxes(1, 2)
-    flat = cells.reshape(rows, cols, CELL * CELL)
-    best, strongest = flat.argmax(axis=2), flat.max(axis=2)
-    there = strongest >= 0
-    if not there.any():
+    rows, cols = (side // CELL_PX for side in strength.shape)
+    cells = strength[: rows * CELL_PX, : cols * CELL_PX].reshape(rows, CELL_PX, cols, CELL_PX).swapaxes(1, 2)
+    flat = cells.reshape(rows, cols, CELL_PX * CELL_PX)
+    best, best_strength = flat.argmax(axis=2), flat.max(axis=2)
+    kept = best_strength >= 0
+    if not kept.any():
         return np.empty(0, np.intp)
-    there &= strongest >= np.quantile(strongest[there], FLAT_SHARE)
-    row, col = np.nonzero(there)
-    inside = best[there]
-    found = (row * CELL + inside // CELL) * known.shape[1] + col * CELL + inside % CELL
-    return np.asarray(found, np.intp)
+    kept &= best_strength >= np.quantile(best_strength[kept], FLAT_SHARE)
+    row, col = np.nonzero(kept)
+    row_inside, col_inside = np.divmod(best[kept], CELL_PX)
+    return np.asarray((row * CELL_PX + row_inside) * known.shape[1] + col * CELL_PX + col_inside, np.intp)

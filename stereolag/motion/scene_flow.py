@@ -1,4 +1,4 @@
-"""Scene flow: the motion of every pixel in metres, our own motion, and the things that move against the world."""
+"""Scene flow: the motion of every pixel in metres, our own motion, and the objects that move against the world."""
 
 from __future__ import annotations
 
@@ -8,31 +8,29 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import FloatMap, Mask
-from stereolag.core.inputs import as_eight_bit, as_grey, as_image_pair, grey_level
+from stereolag.core.arrays import DoubleMap, FloatMap, Mask
+from stereolag.core.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level
 from stereolag.geometry.calibration import Calibration
 from stereolag.motion.flow import FlowMap
 from stereolag.motion.moving_objects import (
     KMH,
+    Box,
     Camera,
+    Measurements,
     MovingRegion,
     MovingTest,
-    Sight,
     Views,
     above_ground,
-    better_explained,
-    connected,
+    better_correlated,
+    connected_regions,
     fitted_shift,
     is_accurate,
     moves_as_one,
     region_of,
-    whole_things,
+    whole_objects,
 )
 from stereolag.motion.own_motion import Doubt, OwnMotion, estimate_own_motion, expected_errors
 from stereolag.stereo.matcher import DisparityMap
-
-BLUR = 1.0
-"""Standard deviation of the blur before the extent of things is found, px: windows are not shifted in finer steps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,15 +43,15 @@ class SceneFlow:
         (H, W, 3) float32 metres, X to the right, Y down, Z forward, relative to the camera, which may itself move;
         NaN = none.
     against_world
-        (H, W, 3) float32 metres, the motion minus that of a static point; 0 in the static scene.
+        (H, W, 3) float32 metres, the motion minus that of a static point; 0 in the static world.
     significance
         (H, W) float32, deviation from a static point in expected errors; NaN = none.
     moving
-        (H, W) bool, the pixels of things that move against the world.
+        (H, W) bool, the pixels of objects that move against the world.
     labels
         (H, W) int32, 1 + the index of the region that a pixel belongs to; 0 elsewhere.
     regions
-        The moving things, nearest first; none where our own motion is in doubt.
+        The moving objects, nearest first; none where our own motion is in doubt.
     own_motion
         The motion of the static world in camera coordinates.
     own_speed_kmh, own_speed_error_kmh
@@ -72,7 +70,7 @@ class SceneFlow:
     >>> dy, dx = (row + 20) * growth, (col - 31.5) * growth  # px
     >>> dx[10:35, 20:45] += 8
     >>> motion = sl.scene_flow(road, road, (dy, dx), camera)
-    >>> [(thing.row, thing.col) for thing in motion.regions]  # px, top left of the box
+    >>> [(region.row, region.col) for region in motion.regions]  # px, top left of the box
     [(10, 20)]
     >>> motion.moving.dtype, motion.against_world.shape  # metres
     (dtype('bool'), (48, 64, 3))
@@ -91,8 +89,8 @@ class SceneFlow:
     @property
     def doubt(self) -> Doubt:
         """Return why our own speed is not to be shown: the doubt of our own motion, or "inaccurate"; otherwise ""."""
-        told = self.own_speed_kmh is None or is_accurate(self.own_speed_kmh, self.own_speed_error_kmh)
-        return self.own_motion.doubt or ("" if told else "inaccurate")
+        accurate = self.own_speed_kmh is None or is_accurate(self.own_speed_kmh, self.own_speed_error_kmh)
+        return self.own_motion.doubt or ("" if accurate else "inaccurate")
 
 
 def scene_flow(
@@ -105,21 +103,21 @@ def scene_flow(
     frame_rate: float | None = None,
     test: MovingTest | None = None,
 ) -> SceneFlow:
-    """Return the motion in space of every pixel, our own motion, and the things that move against the world.
+    """Return the motion in space of every pixel, our own motion, and the objects that move against the world.
 
     Parameters
     ----------
     first, second
         (H, W) disparities of the two frames, px; NaN = none. Filled-in disparities are ignored.
     flow
-        Flow between the left images of the first and second frames, or a pair (dy, dx) of arrays. It should be blank
+        Flow between the left images of the first and second frames, or a pair (dy, dx) of arrays. It should be NaN
         where a pixel is hidden in the second frame, as after a forward-backward check: the object in front would be
         mistaken for it.
     calibration
         Calibration of the rectified camera.
     frames
-        The left images of both frames: then pixels that match as well standing still do not count as moving. Flow errs
-        most without texture, and the road is large.
+        The left images of both frames. If given, pixels that match equally well as static points do not count as
+        moving: flow is least accurate without texture, and the road is large.
     frame_rate
         Frames per second, for speeds.
     test
@@ -153,72 +151,51 @@ def scene_flow(
     settings = test or MovingTest()
     if frame_rate is not None and not frame_rate > 0:
         raise ValueError(f"frame_rate is {frame_rate}; it must be above 0.")
-    here, there = (measured(one) for one in (first, second))
+    disparity, disparity_after = (measured(one) for one in (first, second))
     dy, dx = (
         (np.where(flow.filled, np.float32(np.nan), part) for part in (flow.dy, flow.dx))
         if isinstance(flow, FlowMap)
         else (np.asarray(part) for part in flow)
     )
-    if len({here.shape, there.shape, dy.shape, dx.shape}) != 1 or here.ndim != 2:
-        shapes = f"{here.shape}, {there.shape}, {dy.shape} and {dx.shape}"
+    if len({disparity.shape, disparity_after.shape, dy.shape, dx.shape}) != 1 or disparity.ndim != 2:
+        shapes = f"{disparity.shape}, {disparity_after.shape}, {dy.shape} and {dx.shape}"
         raise ValueError(f"Both disparities, dy and dx have the shapes {shapes}; all must be one (H, W).")
-    camera = Camera.of(calibration, here.shape)
-    places = np.indices(here.shape, dtype=np.float32)
-    arrival = places + np.stack([dy, dx])
-    arrived = disparity_at(there, arrival)
-    seen = np.concatenate([arrival, arrived[None]])
-    before, after = camera.points(here, places), camera.points(arrived, arrival)
+    camera = Camera.of(calibration, disparity.shape)
+    places = np.indices(disparity.shape, dtype=np.float32)
+    places_after = places + np.stack([dy, dx])
+    arrived = disparity_at(disparity_after, places_after)
+    before, after = camera.points(disparity, places), camera.points(arrived, places_after)
     images = None if frames is None else as_image_pair(frames[0], frames[1], ("frames[0]", "frames[1]"))
-    if images is not None and images[0].shape[:2] != here.shape:
+    if images is not None and images[0].shape[:2] != disparity.shape:
         raise ValueError(
-            f"The frames have the shape {images[0].shape[:2]} and the disparities {here.shape}; they must "
+            f"The frames have the shape {images[0].shape[:2]} and the disparities {disparity.shape}; they must "
             "have the same."
         )
-    own = estimate_own_motion(before, here, arrival, camera, settings, images and images[0])
+    own = estimate_own_motion(before, disparity, places_after, camera, settings, images and images[0])
     static = own.moved(before)
-    expected = camera.seen(static)
-    errors = expected_errors(own, expected, here, places, camera, settings)
-    deviations = (seen - expected) / errors
-    sight = Sight(static, seen, camera)
+    expected = camera.observed(static)
+    errors = expected_errors(own, expected, disparity, places, camera, settings)
+    measurements = Measurements(static, np.concatenate([places_after, arrived[None]]), camera)
+    deviations = (measurements.observed - expected) / errors
     # Without a disparity in the second frame, a pixel is judged by its flow alone.
     squares = np.square(deviations)
     significance = np.sqrt(squares[0] + squares[1] + np.where(np.isfinite(squares[2]), squares[2], 0))
     moving = significance > settings.threshold
     views = None
     if images is not None:
-        whole = first.disparity if isinstance(first, DisparityMap) else here
-        grey = [as_grey(image) for image in images]
-        blurred = [np.asarray(cv2.GaussianBlur(one.astype(np.float32), (0, 0), BLUR), np.float32) for one in grey]
-        views = Views(
-            first=blurred[0],
-            second=blurred[1],
-            guide=as_eight_bit(*grey)[0],
-            level=grey_level(*grey),
-            points=own.moved(camera.points(whole, places)),
-            disparity=whole,
-            standing=above_ground(whole),
-            origin=own.translation,
-            camera=camera,
-        )
-        stay = (expected[:2] - places).astype(np.float32)
-        moving &= better_explained(images, np.stack([dy, dx]), stay, settings.gain) & views.standing
-    seeds = []
-    for box, mask in () if own.doubt else connected(moving, settings):
-        known = mask & np.isfinite(deviations[:, *box]).all(axis=0)
-        shift = fitted_shift(sight, box, known)
-        if shift is None:
-            continue
-        along = (seen[:, *box][:, known] - camera.seen(static[box][known] + shift.motion)) / errors[:, *box][:, known]
-        if moves_as_one(deviations[:, *box][:, known], along, settings):
-            seeds.append((box, mask))
+        filled = first.disparity if isinstance(first, DisparityMap) else disparity
+        views = _views(images, filled, places, own, camera)
+        static_flow = (expected[:2] - places).astype(np.float32)
+        moving &= better_correlated(images, np.stack([dy, dx]), static_flow, settings.gain) & views.above_ground
+    seeds = [] if own.doubt else _coherent_regions(moving, measurements, deviations, errors, settings)
     found = []
-    for thing in whole_things(seeds, sight, views, settings.smallest):
-        distance = float(np.nanmedian(before[thing.box][thing.mask][:, 2]))
-        found.append((region_of(thing, distance, own.error_m, frame_rate), thing))
-    found.sort(key=lambda one: one[0].distance_m)
-    labels = np.zeros(here.shape, np.int32)
-    for number, (_, thing) in enumerate(found, start=1):
-        labels[thing.box][thing.mask] = number
+    for one in whole_objects(seeds, measurements, views, settings.smallest):
+        distance = float(np.nanmedian(before[one.box][one.mask][:, 2]))
+        found.append((region_of(one, distance, own.error_m, frame_rate), one))
+    found.sort(key=lambda pair: pair[0].distance_m)
+    labels = np.zeros(disparity.shape, np.int32)
+    for number, (_, one) in enumerate(found, start=1):
+        labels[one.box][one.mask] = number
     return SceneFlow(
         motion=(after - before).astype(np.float32),
         against_world=(after - static).astype(np.float32),
@@ -232,17 +209,65 @@ def scene_flow(
     )
 
 
+def _views(images: tuple[Image, Image], disparity: FloatMap, places: FloatMap, own: OwnMotion, camera: Camera) -> Views:
+    """Return the data from which the extent of objects is found; gaps in the disparity may be filled."""
+    grey = [as_grey(image) for image in images]
+    # Blurred by 1 px, since windows are not shifted in finer steps.
+    first, second = (cv2.GaussianBlur(one.astype(np.float32), (0, 0), 1.0) for one in grey)
+    return Views(
+        first=np.asarray(first, np.float32),
+        second=np.asarray(second, np.float32),
+        guide=as_eight_bit(*grey)[0],
+        level=grey_level(*grey),
+        points=own.moved(camera.points(disparity, places)),
+        disparity=disparity,
+        above_ground=above_ground(disparity),
+        origin=own.translation,
+        camera=camera,
+    )
+
+
+def _coherent_regions(
+    moving: Mask, measurements: Measurements, deviations: DoubleMap, errors: DoubleMap, settings: MovingTest
+) -> list[tuple[Box, Mask]]:
+    """Return the connected regions of moving pixels, each with its box, of which each moves as one object.
+
+    Parameters
+    ----------
+    moving
+        (H, W) mask.
+    measurements
+        The measurements of every pixel.
+    deviations, errors
+        (3, H, W) deviations from static points, in expected errors, and these errors, px.
+    settings
+        The thresholds.
+    """
+    coherent = []
+    for box, mask in connected_regions(moving, settings):
+        known = mask & np.isfinite(deviations[:, *box]).all(axis=0)
+        shift = fitted_shift(measurements, box, known)
+        if shift is None:
+            continue
+        expected = measurements.camera.observed(measurements.static[box][known] + shift.motion)
+        from_moving = (measurements.observed[:, *box][:, known] - expected) / errors[:, *box][:, known]
+        if moves_as_one(deviations[:, *box][:, known], from_moving, settings):
+            coherent.append((box, mask))
+    return coherent
+
+
 def measured(disparity: DisparityMap | FloatMap) -> FloatMap:
-    """Return the measured disparities of a map, without filled-in ones; of an array, all of them."""
+    """Return the disparities of a map that were measured, not filled in; of an array, all."""
     if isinstance(disparity, DisparityMap):
         return np.where(disparity.filled, np.float32(np.nan), disparity.disparity)
     return np.asarray(disparity, np.float32)
 
 
 def disparity_at(disparity: FloatMap, places: FloatMap) -> FloatMap:
-    """Return the disparity at sub-pixel (2, H, W) places, of the nearest pixel: a mean across an edge is on no surface.
+    """Return the disparity of the pixel nearest to each sub-pixel position, (2, H, W) rows and columns.
 
-    NaN where the position is unknown, outside the frame or without a disparity.
+    NaN where the position is unknown, outside the frame or without a disparity. A mean across an edge would be on no
+    surface.
     """
     rows, cols = disparity.shape
     inside = np.isfinite(places).all(axis=0)

@@ -1,4 +1,4 @@
-"""The input doctor on a drive: a few frames spread over it, and the frames of both cameras that belong together."""
+"""The input doctor on a drive: the findings on a few of its frames, and how many frames one camera is late."""
 
 from __future__ import annotations
 
@@ -15,80 +15,81 @@ from stereolag.assess.search_range import range_for
 from stereolag.core.inputs import Image
 from stereolag.sequences.sources import StereoSequence
 
-EXAMINED = 3
-"""Frames that are examined, evenly spread."""
+EXAMINED_FRAMES = 3
+"""Number of frames examined, evenly spread."""
 
-FARTHEST = 5
-"""Most frames by which one camera may be late."""
+MAX_LATE_FRAMES = 5
+"""Largest number of frames by which one camera may be late."""
 
 
 def diagnose_sequence(sequence: StereoSequence) -> Diagnosis | None:
-    """Return the findings on a drive: those of most of the frames examined, and the range that all of them need.
+    """Return the findings on a drive: those on most of the frames examined, and the range that all of these need.
 
     Parameters
     ----------
     sequence
-        The frames; damaged ones are left out.
+        The frames; damaged ones are skipped.
 
     Returns
     -------
     Diagnosis
-        As for one pair. NOT_SAME_MOMENT also has ``frames``, if another pairing has rows that match: the right picture
-        so many frames later belongs to each left one. None if none of the frames can be read.
+        As for one pair. NOT_SAME_MOMENT also has ``frames`` if the rows match better when each left picture is paired
+        with the right one that many frames later. None if none of the frames can be read.
     """
-    places = np.unique(np.linspace(0, len(sequence) - 1, min(EXAMINED, len(sequence))).round().astype(int)).tolist()
-    pictures = {place: found for place in places if (found := _pictures(sequence, place)) is not None}
+    count = min(EXAMINED_FRAMES, len(sequence))
+    numbers = np.unique(np.linspace(0, len(sequence) - 1, count).round().astype(int)).tolist()
+    pictures = {number: found for number in numbers if (found := _pictures(sequence, number)) is not None}
     if not pictures:
         first = sequence.first_readable()
         return None if first is None else diagnose(*first.turned(sequence.turn))
-    every = [diagnose(*both) for both in pictures.values()]
-    findings = [_usual(code, every) for code in FindingCode if code != FindingCode.RANGE]
-    kept = tuple(finding for finding in findings if finding is not None)
-    moment = next((one for one in kept if one.code == FindingCode.NOT_SAME_MOMENT and not one.healthy), None)
+    diagnoses = [diagnose(*both) for both in pictures.values()]
+    by_question = [_majority_finding(code, diagnoses) for code in FindingCode if code != FindingCode.RANGE]
+    findings = tuple(finding for finding in by_question if finding is not None)
+    moment = next((one for one in findings if one.code == FindingCode.NOT_SAME_MOMENT and not one.healthy), None)
     if moment is not None and (late := _frames_late(sequence, [*pictures])):
         timed = replace(moment, numbers={**moment.numbers, "frames": late})
-        kept = tuple(timed if one is moment else one for one in kept)
-    seen = [one.disparities for one in every if one.disparities is not None]
-    if not seen:
-        return Diagnosis(kept, None, None)
-    ends = min(low for low, _ in seen), max(high for _, high in seen)
-    repeats = float(np.median([one.repeats_px for one in every]))
+        findings = tuple(timed if one is moment else one for one in findings)
+    ranges = [one.disparities for one in diagnoses if one.disparities is not None]
+    if not ranges:
+        return Diagnosis(findings, None, None)
+    ends = min(low for low, _ in ranges), max(high for _, high in ranges)
+    repeats = float(np.median([one.repeats_px for one in diagnoses]))
     width = next(iter(pictures.values()))[0].shape[1]
-    return Diagnosis(kept, ends, range_for(*ends, width, repeats), repeats)
+    return Diagnosis(findings, ends, range_for(*ends, width, repeats), repeats)
 
 
-def _pictures(sequence: StereoSequence, place: int) -> tuple[Image, Image] | None:
-    """Return the pictures of a frame; None if it is damaged, or its pictures are of two sizes."""
-    frame = sequence.readable(place)
+def _pictures(sequence: StereoSequence, number: int) -> tuple[Image, Image] | None:
+    """Return the pictures of a frame; None if it is damaged, or its pictures differ in size."""
+    frame = sequence.readable(number)
     if frame is None or frame.left.shape[:2] != frame.right.shape[:2]:
         return None
     return frame.turned(sequence.turn)
 
 
-def _usual(code: FindingCode, every: list[Diagnosis]) -> Finding | None:
-    """Return the finding of most frames on one question; None if none could be judged."""
-    found = [finding for one in every if (finding := one.finding(code)) is not None]
-    ill = [finding for finding in found if not finding.healthy]
-    if 2 * len(ill) > len(every):
-        return ill[0]
-    return next((finding for finding in found if finding.healthy), None)
+def _majority_finding(code: FindingCode, diagnoses: list[Diagnosis]) -> Finding | None:
+    """Return the finding of most frames on one question; None if no frame has one."""
+    findings = [finding for one in diagnoses if (finding := one.finding(code)) is not None]
+    problems = [finding for finding in findings if not finding.healthy]
+    if 2 * len(problems) > len(diagnoses):
+        return problems[0]
+    return next((finding for finding in findings if finding.healthy), None)
 
 
-def _frames_late(sequence: StereoSequence, places: list[int]) -> int:
-    """Return by how many frames the right pictures are late, if another pairing has rows that match; otherwise 0."""
-    scores = {}
-    for late in range(-FARTHEST, FARTHEST + 1):
-        known = [row for place in places if (row := _rows_apart(sequence, place, late)) is not None]
-        if 2 * len(known) > len(places):
-            scores[late] = float(np.median(known))
-    return min(scores, key=lambda late: scores[late], default=0)
+def _frames_late(sequence: StereoSequence, numbers: list[int]) -> int:
+    """Return the number of frames by which the right pictures are late: that with the smallest row errors."""
+    errors = {}
+    for late in range(-MAX_LATE_FRAMES, MAX_LATE_FRAMES + 1):
+        known = [error for number in numbers if (error := _row_error(sequence, number, late)) is not None]
+        if 2 * len(known) > len(numbers):
+            errors[late] = float(np.median(known))
+    return min(errors, key=lambda late: errors[late], default=0)
 
 
-def _rows_apart(sequence: StereoSequence, place: int, late: int) -> float | None:
-    """Return the scatter of the rows of a left picture and a later right one, px; None if few features agree."""
-    if not 0 <= place + late < len(sequence):
+def _row_error(sequence: StereoSequence, number: int, late: int) -> float | None:
+    """Return the median distance in rows between a left picture and a later right one, px; None with few matches."""
+    if not 0 <= number + late < len(sequence):
         return None
-    left, right = _pictures(sequence, place), _pictures(sequence, place + late)
+    left, right = _pictures(sequence, number), _pictures(sequence, number + late)
     if left is None or right is None:
         return None
     views = find_views(find_correspondences(left[0], right[1]))

@@ -1,4 +1,4 @@
-"""The frames of a sequence: from files to maps and figures, the same wherever they are made, and where all are kept."""
+"""The work on one frame of a sequence, from files to maps and figures, and the places where these are stored."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from stereolag.geometry.scene import nearest_obstacle
 from stereolag.io.disparities import DISPARITY_FORMATS, KITTI_SCALE, read_stored_disparity
 from stereolag.io.settings import settings_document
 from stereolag.io.sources import Source, write_file
-from stereolag.sequences.motion import Steadiness, matched, motion_since, steadied
+from stereolag.sequences.motion import Steadiness, matched_turned, motion_since, steadied
 from stereolag.sequences.sources import FrameReader, StereoSequence
 from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
@@ -48,11 +48,11 @@ class FrameTask(NamedTuple):
     in_colour: bool = True
     """Whether the left picture is returned unchanged; otherwise in grey."""
     steadiness: Steadiness | None = None
-    """How the previous frame is used."""
+    """How maps are steadied by the previous frame; None: not at all."""
     with_truth: bool = False
     """Whether the true disparity is returned too."""
     turn: int = 0
-    """Quarters by which the pictures are turned to be matched."""
+    """Quarters by which the pictures are turned for the matching."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,13 +74,13 @@ class FrameMap:
     figures: Mapping[str, Any]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Only the file is sent between machines: it is a fourth of the map's size.
+        # Only the file is sent between machines: it is a quarter of the map's size.
         return _from_file, (self.data, self.figures)
 
 
 @dataclass(frozen=True, eq=False)
 class MatchedFrame(Generic[AnyMap]):
-    """One frame after matching: its maps as matched, each by itself, or as their files hold them.
+    """One frame after matching, with its maps as matched or as stored in their files.
 
     Attributes
     ----------
@@ -89,9 +89,9 @@ class MatchedFrame(Generic[AnyMap]):
     left
         The left picture; None for a damaged frame.
     maps
-        The maps, by name of the method.
+        {name of the method: its map}.
     problem
-        Why there are no maps, in one sentence; "" if there are.
+        Why there are no maps, in one sentence; otherwise "".
     truth
         The true disparity, px, if known; with files, also if requested.
     """
@@ -113,7 +113,7 @@ def match_frame(task: FrameTask, progress: Progress | None = None) -> MatchedFra
         maps = {}
         for name, matcher in task.matchers.items():
             # Scores and vertical displacements are not needed here, and would be sent between machines.
-            maps[name] = replace(matched(matcher, frame, task.turn, progress), _score=None, _dy=None)
+            maps[name] = replace(matched_turned(matcher, frame, task.turn, progress), _score=None, _dy=None)
     except (ValueError, OSError) as error:
         return MatchedFrame(task.number, problem=_in_one_line(error))
     return MatchedFrame(task.number, frame.left, maps, truth=frame.truth)
@@ -121,8 +121,8 @@ def match_frame(task: FrameTask, progress: Progress | None = None) -> MatchedFra
 
 def encoded_frame(
     task: FrameTask,
-    own: MatchedFrame[DisparityMap] | None = None,
-    before: MatchedFrame[DisparityMap] | None = None,
+    matched: MatchedFrame[DisparityMap] | None = None,
+    previous: MatchedFrame[DisparityMap] | None = None,
     *,
     progress: Progress | None = None,
 ) -> MatchedFrame[FrameMap]:
@@ -132,65 +132,66 @@ def encoded_frame(
     ----------
     task
         The work.
-    own
+    matched
         The frame from :func:`match_frame`, if it has been matched already.
-    before
+    previous
         The previous frame from :func:`match_frame`, by whose maps these are steadied.
     progress
         As for :func:`match_frame`.
     """
-    own = own or match_frame(task, progress)
-    if own.left is None:
-        return MatchedFrame(task.number, problem=own.problem)
+    matched = matched or match_frame(task, progress)
+    if matched.left is None:
+        return MatchedFrame(task.number, problem=matched.problem)
     maps = {}
     try:
-        for name, result in _steadied(task, own, before).items():
+        for name, result in _steadied(task, matched, previous).items():
             data = DISPARITY_FORMATS[task.suffix].write(result.disparity)
-            figures = figures_of(result, own.truth, task.calibration)
+            figures = figures_of(result, matched.truth, task.calibration)
             maps[name] = FrameMap(as_stored(result.disparity, task.suffix), data, figures)
     except ValueError as error:
         return MatchedFrame(task.number, problem=_in_one_line(error))
-    return _handed_back(task, own.left, maps, own.truth)
+    return _as_requested(task, matched.left, maps, matched.truth)
 
 
 def finished_frame(task: FrameTask, files: Mapping[str, Source]) -> MatchedFrame[FrameMap]:
-    """Read a frame whose maps have been written, as :func:`encoded_frame` would return it, but without figures."""
+    """Return a frame whose maps are read from their files, like :func:`encoded_frame`, but without figures."""
     try:
         frame = task.reader()
         maps = {name: FrameMap(read_back(file), b"", {}) for name, file in files.items()}
     except (ValueError, OSError) as error:
         return MatchedFrame(task.number, problem=_in_one_line(error))
-    return _handed_back(task, frame.left, maps, frame.truth)
+    return _as_requested(task, frame.left, maps, frame.truth)
 
 
 def _steadied(
-    task: FrameTask, own: MatchedFrame[DisparityMap], before: MatchedFrame[DisparityMap] | None
+    task: FrameTask, matched: MatchedFrame[DisparityMap], previous: MatchedFrame[DisparityMap] | None
 ) -> Mapping[str, DisparityMap]:
-    """Return the maps steadied by the previous frame, if asked for and possible, with the time for it added."""
-    if task.steadiness is None or before is None or before.left is None or own.left is None:
-        return own.maps
+    """Return the maps steadied by the previous frame, if requested and possible, with the time for it added."""
+    if task.steadiness is None or previous is None or previous.left is None or matched.left is None:
+        return matched.maps
     start = time.perf_counter()
-    motion = motion_since(before.left, own.left)
+    motion = motion_since(previous.left, matched.left)
     if motion is None:
-        return own.maps
-    moved_s = time.perf_counter() - start
+        return matched.maps
+    motion_s = time.perf_counter() - start
     maps = {}
-    for name, one in own.maps.items():
+    for name, one in matched.maps.items():
         start = time.perf_counter()
-        disparity = steadied(before.maps[name], one, motion, task.steadiness)
-        maps[name] = replace(one, disparity=disparity, elapsed_s=one.elapsed_s + moved_s + time.perf_counter() - start)
+        disparity = steadied(previous.maps[name], one, motion, task.steadiness)
+        maps[name] = replace(one, disparity=disparity, elapsed_s=one.elapsed_s + motion_s + time.perf_counter() - start)
     return maps
 
 
-def _handed_back(
+def _as_requested(
     task: FrameTask, left: Image, maps: Mapping[str, FrameMap], truth: FloatMap | None
 ) -> MatchedFrame[FrameMap]:
+    """Return a frame with its left picture in colour or grey, and its truth or not, as the task requests."""
     shown = left if task.in_colour else as_grey(left)
     return MatchedFrame(task.number, shown, maps, truth=truth if task.with_truth else None)
 
 
 def as_stored(disparity: FloatMap, suffix: str) -> FloatMap:
-    """Return a map as stored in its file, so that frame-to-frame figures do not depend on whether it was read back."""
+    """Return a map rounded as in its file, so that frame-to-frame figures do not depend on whether it was read back."""
     if suffix != PNG:
         return disparity
     scaled = disparity * np.float32(KITTI_SCALE)
@@ -201,7 +202,7 @@ def as_stored(disparity: FloatMap, suffix: str) -> FloatMap:
 
 
 def read_back(file: Source) -> FloatMap:
-    """Return the map in a file of a sequence; unlike a ground truth, it may have no disparity at all."""
+    """Return the map in a file of a sequence, which, unlike a ground truth, may have no disparity at all."""
     found = read_stored_disparity(file)
     if not (np.isfinite(found.stored) & ~np.isin(found.stored, found.unknown)).any():
         return np.full(found.stored.shape, np.nan, np.float32)
@@ -213,12 +214,14 @@ def _from_file(data: bytes, figures: Mapping[str, Any]) -> FrameMap:
 
 
 def _in_one_line(error: Exception) -> str:
+    """Return the message of an error in one line; of a file, its name without the path."""
     if isinstance(error, OSError) and error.strerror:
         return f"{Path(error.filename).name}: {error.strerror}." if error.filename else f"{error.strerror}."
     return " ".join(str(error).split())
 
 
 BAD_PX = 2.0
+"""Error from which a disparity counts as wrong, px."""
 
 MOTION = "motion"
 """Entry of the method column in rows of motion figures."""
@@ -239,23 +242,23 @@ class FrameRecord:
     coverage, filled
         Shares of the pixels whose disparity was measured, and filled in, 0..1.
     milliseconds
-        Time for the matching alone, while other frames were matched in parallel.
+        Time for the matching alone, while other frames are matched in parallel.
     nearest_px, nearest_m
         Disparity and depth of the nearest obstacle; metres need a calibration.
     bad_2_percent, epe_px
         Percentage of pixels off by more than 2 px or missing, and the mean error of pixels with a disparity.
     own_speed_kmh, own_speed_error_kmh
-        Speed of the camera since the previous frame, if known well enough, and its standard error; only in rows of
+        Speed of the camera since the previous frame, if accurate enough, and its standard error; only in rows of
         motion, whose coverage is that of the flow.
     moving
-        Things that move against the world, nearest first: distance, and speed if known well enough.
+        Objects that move against the world, nearest first: distance, and speed if accurate enough.
     flicker_px
         Mean change of the disparity since the previous frame, where the picture did not change.
     problem
-        Why there is no map; of a motion, the verdict on its two frames unless they are related, or why our own speed
-        is not known; otherwise "".
+        Why there is no map; in rows of motion, the verdict on the two frames unless they are related, or why our own
+        speed is not known; otherwise "".
     findings
-        Codes of what the input doctor finds wrong with the sequence, the same in every row.
+        Codes of the problems that the input doctor finds with the sequence, the same in every row.
     """
 
     number: int
@@ -281,7 +284,7 @@ COLUMNS: Mapping[str, Callable[[str], Any]] = {
     one.name: {"int": int, "str": str}.get(str(one.type), lambda cell: float(cell or "nan"))
     for one in fields(FrameRecord)
 }
-"""The columns of the table, and how their cells are read."""
+"""{column of the table: function that reads its cells}."""
 
 
 def figures_of(result: DisparityMap, truth: FloatMap | None, calibration: Calibration | None) -> dict[str, float]:
@@ -289,7 +292,7 @@ def figures_of(result: DisparityMap, truth: FloatMap | None, calibration: Calibr
 
     A ground truth of another size than the map is ignored: `bad_2_percent` and `epe_px` stay NaN.
     """
-    # Filled-in disparities are no evidence: a filled gap beside a pole is no obstacle.
+    # Filled-in disparities are not evidence: a filled gap beside a pole is not an obstacle.
     measured = result.measured
     nearest = nearest_obstacle(result.disparity, measured)
     figures = {
@@ -306,7 +309,7 @@ def figures_of(result: DisparityMap, truth: FloatMap | None, calibration: Calibr
 
 
 def table_lines(records: Iterable[FrameRecord], *, header: bool = False) -> str:
-    """Return records as lines of the table, below its header if wanted; unknown figures are left empty."""
+    """Return records as lines of the table, with or without its header; unknown figures are left empty."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     if header:
@@ -316,7 +319,7 @@ def table_lines(records: Iterable[FrameRecord], *, header: bool = False) -> str:
 
 
 def read_records(path: Path) -> list[FrameRecord]:
-    """Read a table back; a line cut short by an interruption, and everything after it, is skipped."""
+    """Read a table, up to a line cut short by an interruption."""
     records: list[FrameRecord] = []
     text = path.read_text(encoding="utf-8")
     for row in csv.DictReader(io.StringIO(text[: text.rfind("\n") + 1])):
@@ -336,7 +339,7 @@ def _cell(value: object) -> object:
 
 
 class SequenceTarget(ABC):
-    """Receives frames in order, and knows which are finished.
+    """Destination of the frames, which arrive in order; it knows which are finished.
 
     Attributes
     ----------
@@ -358,7 +361,7 @@ class SequenceTarget(ABC):
 
     @abstractmethod
     def file(self, number: int, method: str) -> Source:
-        """Return a map of a finished frame."""
+        """Return the file of a finished frame's map: its path or its bytes."""
 
     def set_colours(self, colours: tuple[float, float]) -> None:
         """Store the colour range."""
@@ -401,9 +404,13 @@ class SequenceMemory(SequenceTarget):
         super().write(frame, records)
 
 
-TABLE, MANIFEST = "frames.csv", "sequence.json"
+TABLE_NAME = "frames.csv"
+"""File name of the table of figures."""
 
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+MANIFEST_NAME = "sequence.json"
+"""File name of the record of the inputs."""
+
+_FOLDER_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 _PNG_END = b"IEND\xaeB`\x82"
 
 
@@ -434,19 +441,19 @@ class SequenceFolder(SequenceTarget):
         self._path, self._suffix = path, task.suffix
         self._names, self._methods = sequence.names, tuple(task.matchers)
         self._document = _document(sequence, task)
-        self.colours = None if again else self._noted()
+        self.colours = None if again else self._recorded_colours()
         for method in self._methods:
             (path / method).mkdir(parents=True, exist_ok=True)
-        if not again and (path / TABLE).is_file():
+        if not again and (path / TABLE_NAME).is_file():
             self.records = {
-                (one.number, one.method): one for one in read_records(path / TABLE) if self._is_finished(one)
+                (one.number, one.method): one for one in read_records(path / TABLE_NAME) if self._is_finished(one)
             }
         for number in range(len(sequence)):
             if all((number, method) in self.records for method in self._methods):
                 self.finished[number] = self._methods
-        self._note()
+        self._write_manifest()
         self._rewrite_table()
-        self._table = (path / TABLE).open("a", encoding="utf-8")
+        self._table = (path / TABLE_NAME).open("a", encoding="utf-8")
 
     def file(self, number: int, method: str) -> Path:
         """Return the path of a map."""
@@ -455,7 +462,7 @@ class SequenceFolder(SequenceTarget):
     def set_colours(self, colours: tuple[float, float]) -> None:
         """Record the colour range, so that it is kept when the work is resumed."""
         super().set_colours(colours)
-        self._note()
+        self._write_manifest()
 
     def write(self, frame: MatchedFrame[FrameMap], records: Iterable[FrameRecord]) -> None:
         """Write the maps of a frame, each atomically, and then its rows of the table."""
@@ -476,7 +483,7 @@ class SequenceFolder(SequenceTarget):
         self._rewrite_table()
 
     def _is_finished(self, record: FrameRecord) -> bool:
-        """Return whether a row of the table counts, and its map is complete: a power failure may cut a file short."""
+        """Return whether a row of the table is valid and its map complete: a power failure may cut a file short."""
         if record.method not in self._methods or record.number >= len(self._names):
             return record.method == MOTION and record.number < len(self._names)
         if record.problem:
@@ -488,15 +495,15 @@ class SequenceFolder(SequenceTarget):
         except OSError:  # missing, or shorter than that
             return False
 
-    def _noted(self) -> tuple[float, float] | None:
+    def _recorded_colours(self) -> tuple[float, float] | None:
         """Return the colour range recorded in the folder; refuse a folder begun with other inputs."""
-        manifest = self._path / MANIFEST
+        manifest = self._path / MANIFEST_NAME
         if not manifest.is_file():
             return None
         try:
-            noted = json.loads(manifest.read_text(encoding="utf-8"))
-            differing = [name for name, value in self._document.items() if noted["made_of"].get(name) != value]
-            colours = noted["colours"]
+            recorded = json.loads(manifest.read_text(encoding="utf-8"))
+            differing = [name for name, value in self._document.items() if recorded["made_of"].get(name) != value]
+            colours = recorded["colours"]
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise ValueError(f"{manifest} is damaged; begin again, or choose another folder.") from error
         if differing:
@@ -506,36 +513,38 @@ class SequenceFolder(SequenceTarget):
             )
         return None if colours is None else (float(colours[0]), float(colours[1]))
 
-    def _note(self) -> None:
+    def _write_manifest(self) -> None:
         digest = hashlib.sha256(json.dumps(self._document, sort_keys=True).encode()).hexdigest()
         document = {"digest": digest, "made_of": self._document, "colours": self.colours}
-        write_file(self._path / MANIFEST, (json.dumps(document, indent=2) + "\n").encode())
+        write_file(self._path / MANIFEST_NAME, (json.dumps(document, indent=2) + "\n").encode())
 
     def _rewrite_table(self) -> None:
+        """Write the table anew, sorted by frames and then by methods, motion last."""
         order = {method: place for place, method in enumerate(self._methods)}
         ordered = sorted(self.records.values(), key=lambda one: (one.number, order.get(one.method, len(order))))
-        write_file(self._path / TABLE, table_lines(ordered, header=True).encode())
+        write_file(self._path / TABLE_NAME, table_lines(ordered, header=True).encode())
 
 
 def _check(matchers: Mapping[str, StereoMatcher], suffix: str) -> None:
+    """Raise an error if a method has no valid name for a folder, or a search range that does not fit the files."""
     if not matchers:
         raise ValueError("No matcher was given; at least one is needed.")
     for name in matchers:
-        if not _NAME.fullmatch(name):
+        if not _FOLDER_NAME.fullmatch(name):
             raise ValueError(f"{name!r} is not a folder name; allowed are letters, digits, '-', '_' and '.'.")
     if suffix not in DISPARITY_FORMATS:
         raise ValueError(f"disparity_format is {suffix!r}; allowed are {', '.join(DISPARITY_FORMATS)}.")
     for name, matcher in matchers.items():
-        reach = matcher.reach()
-        if suffix == PNG and reach is not None and (reach[0] < 0 or sum(reach) > 256):
+        first, count = matcher.reach() or (0, 0)
+        if suffix == PNG and (first < 0 or first + count > 256):
             raise ValueError(
-                f"{name} searches disparities from {reach[0]} to {sum(reach) - 1} px; KITTI's PNG holds 0 to 255 px, "
+                f"{name} searches disparities from {first} to {first + count - 1} px; KITTI's PNG holds 0 to 255 px, "
                 ".pfm and .npy hold any."
             )
 
 
 def _document(sequence: StereoSequence, task: FrameTask) -> dict[str, Any]:
-    """Return the inputs of maps and table, under names that an error message can use."""
+    """Return the inputs of maps and table as JSON values, under names for an error message."""
     names = hashlib.sha256("\n".join(sequence.names).encode()).hexdigest()
     frames = {"count": len(sequence), "names": names, "rate": sequence.frame_rate}
     frames |= {"turned": sequence.turn} if sequence.turn else {}

@@ -1,4 +1,4 @@
-"""From frame to frame: the flicker of maps, maps steadied by the previous frame, our own motion and moving things."""
+"""Change from frame to frame: flicker, maps steadied by the previous frame, our own motion and moving objects."""
 
 from __future__ import annotations
 
@@ -34,14 +34,11 @@ from stereolag.sequences.sources import StereoFrame, StereoSequence
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.stereo.methods import preset
 
-STILL_LEVELS = 3
+MAX_STILL_CHANGE = 3
 """Mean change of a neighbourhood up to which it counts as still, grey levels of 255: about camera noise."""
 
-NEIGHBOURHOOD = 7
-"""Side of the neighbourhood, px; about that of a small matching window, so that the matcher's input is unchanged."""
-
-LEAST_SHARE = 0.001
-"""Least share of the pixels for a meaningful figure."""
+STILL_WINDOW_PX = 7
+"""Side of that neighbourhood, px: about that of a small matching window, so that the matcher's input is unchanged."""
 
 
 def still_pixels(before: npt.ArrayLike, now: npt.ArrayLike) -> Mask:
@@ -58,8 +55,8 @@ def still_pixels(before: npt.ArrayLike, now: npt.ArrayLike) -> Mask:
         (H, W) bool.
     """
     frames = as_eight_bit(as_grey(as_image(before, "before")), as_grey(as_image(now, "now")))
-    change = cv2.blur(cv2.absdiff(*frames), (NEIGHBOURHOOD, NEIGHBOURHOOD))
-    return np.asarray(change <= np.uint8(STILL_LEVELS))  # as floats they take ten times as long
+    change = cv2.blur(cv2.absdiff(*frames), (STILL_WINDOW_PX, STILL_WINDOW_PX))
+    return np.asarray(change <= np.uint8(MAX_STILL_CHANGE))  # as floats they take ten times as long
 
 
 def flicker(before: npt.ArrayLike, now: npt.ArrayLike, still: npt.ArrayLike) -> float:
@@ -84,8 +81,9 @@ def flicker(before: npt.ArrayLike, now: npt.ArrayLike, still: npt.ArrayLike) -> 
 
     Notes
     -----
-    The world may move where the picture does not, such as a road passing below the car, but its disparity then stays:
-    any change comes from the matching. The mean is used because flicker consists of jumps, which a median would miss.
+    The world may move where the picture does not, such as a road passing below the car, but its disparity then stays
+    the same: any change comes from the matching. The mean is used because flicker consists of jumps, which a median
+    would miss.
     """
     first, second = np.asarray(before, dtype=np.float32), np.asarray(now, dtype=np.float32)
     unchanged = np.asarray(still, dtype=np.bool_)
@@ -93,7 +91,7 @@ def flicker(before: npt.ArrayLike, now: npt.ArrayLike, still: npt.ArrayLike) -> 
         raise ValueError(f"the shapes are {first.shape}, {second.shape} and {unchanged.shape}; all must be one (H, W).")
     change = cv2.absdiff(first, second)[unchanged]
     known = change[np.isfinite(change)]
-    return float(known.mean()) if known.size >= LEAST_SHARE * first.size and known.size else math.nan
+    return float(known.mean()) if known.size >= 0.001 * first.size and known.size else math.nan
 
 
 def same_picture_size(before: Image, now: Image) -> bool:
@@ -101,25 +99,38 @@ def same_picture_size(before: Image, now: Image) -> bool:
     return before.shape[:2] == now.shape[:2] and before.dtype == now.dtype
 
 
-SMALLEST = 16
+MIN_SIDE_PX = 16
 """Least width and height of a frame, px: the optical flow needs about that much."""
 
-SAME_LEVELS = 12
+MAX_SAME_CHANGE = 12
 """Mean change of a neighbourhood along the motion up to which both frames show the same, grey levels of 255."""
 
-SAME_SIZE = 7
+SAME_WINDOW_PX = 7
 """Side of that neighbourhood, px."""
 
-DRIFT_SIZE, DRIFT_LIMITS, DRIFT_SHRINKAGE = 45, (3.0, 1.5), 0.05
-"""Side of the window over which the change of disparity is averaged, px; largest deviation of the pixels used from the
-estimate so far, px; weight of the whole scene's change where little is measured, as a share of a neighbourhood."""
+DRIFT_WINDOW_PX = 45
+"""Side of the window over which the change of disparity is averaged, px."""
 
-QUIET_SIZE, QUIET_SHARE, QUIET_LIMITS = 91, 0.9, 2.0
-"""Side of the neighbourhood of a guessed pixel, px; share of its measured pixels that must be unchanged; and the
-tolerance for that, as a multiple of the agreement limit."""
+DRIFT_LIMITS_PX = (3.0, 1.5)
+"""Largest deviation of the averaged pixels from the estimate so far, px, in each round."""
 
-EVERY, LEAST = 5, 200
-"""Spacing of the pixels that give the change of the whole scene, px, and the least number of them."""
+SCENE_WEIGHT = 0.05
+"""Weight of the change expected from the whole scene, as a share of the pixels of that window."""
+
+QUIET_WINDOW_PX = 91
+"""Side of the neighbourhood of a filled pixel, px."""
+
+MIN_QUIET_SHARE = 0.9
+"""Share of the measured pixels in that neighbourhood that must be unchanged."""
+
+QUIET_TOLERANCE = 2.0
+"""Change up to which they are unchanged, as a multiple of the agreement limit."""
+
+SCENE_STEP = 5
+"""Spacing of the pixels from which the change of the whole scene is estimated, px."""
+
+MIN_SCENE_PIXELS = 200
+"""Least number of these pixels."""
 
 
 class Steadiness(Settings):
@@ -143,7 +154,7 @@ class Motion(NamedTuple):
     """Position of each pixel in the previous frame, px."""
     row: FloatMap
     same: Mask
-    """Whether it looks the same there."""
+    """Whether the picture looks the same there."""
     still: Mask
     """Whether the picture did not change at this pixel."""
 
@@ -156,7 +167,7 @@ def motion_since(before: Image, now: Image) -> Motion | None:
     before, now
         (H, W), (H, W, 3) or (H, W, 4): two frames of one camera.
     """
-    if not same_picture_size(before, now) or min(now.shape[:2]) < SMALLEST:
+    if not same_picture_size(before, now) or min(now.shape[:2]) < MIN_SIDE_PX:
         return None
     old, new = as_eight_bit(as_grey(before), as_grey(now))
     # Identical bit for bit on any number of threads, as it always uses eight stripes.
@@ -166,9 +177,9 @@ def motion_since(before: Image, now: Image) -> Motion | None:
     col = flow[:, :, 0] + np.arange(cols, dtype=np.float32)
     row = flow[:, :, 1] + np.arange(rows, dtype=np.float32)[:, None]
     inside = (col >= 0) & (col <= cols - 1) & (row >= 0) & (row <= rows - 1)
-    fetched = cv2.remap(old, col, row, cv2.INTER_LINEAR)
-    change = cv2.blur(cv2.absdiff(fetched, new), (SAME_SIZE, SAME_SIZE))
-    return Motion(col, row, inside & (change <= SAME_LEVELS), still_pixels(before, now))
+    warped = cv2.remap(old, col, row, cv2.INTER_LINEAR)
+    change = cv2.blur(cv2.absdiff(warped, new), (SAME_WINDOW_PX, SAME_WINDOW_PX))
+    return Motion(col, row, inside & (change <= MAX_SAME_CHANGE), still_pixels(before, now))
 
 
 def steadied(before: DisparityMap, now: DisparityMap, motion: Motion, settings: Steadiness) -> FloatMap:
@@ -190,65 +201,67 @@ def steadied(before: DisparityMap, now: DisparityMap, motion: Motion, settings: 
 
     Notes
     -----
-    Disparities of approaching points grow, so the carried-over map is first corrected by the mean change of the
-    measured pixels nearby; averaging removes their individual errors. Guesses, pixels filled in both maps, are averaged
-    even if they differ, provided neither the picture nor the measured pixels around them changed.
+    Disparities of approaching points grow, so the previous map, warped to this frame, is first corrected by the mean
+    change of the measured pixels nearby; averaging removes their individual errors. Pixels filled in both maps are
+    averaged even if they differ, provided neither the picture nor the measured pixels around them changed.
     """
-    carried = _fetched(before.disparity, motion, cv2.INTER_LINEAR)
-    witnesses = now.measured & motion.same & (_fetched(before.measured.astype(np.uint8), motion, cv2.INTER_NEAREST) > 0)
-    carried += _drift(carried, now.disparity, witnesses)
-    agreeing = motion.same & (np.abs(carried - now.disparity) <= np.float32(settings.limit))
-    out = np.where(agreeing, (carried + now.disparity) / 2, now.disparity)
-    guessed = motion.still & ~agreeing & now.filled & before.filled
-    if guessed.any():
-        guessed &= _quiet(before, now, np.float32(QUIET_LIMITS * settings.limit))
-        out[guessed] = (before.disparity[guessed] + now.disparity[guessed]) / 2
+    previous = _warped(before.disparity, motion, cv2.INTER_LINEAR)
+    previously_measured = _warped(before.measured.astype(np.uint8), motion, cv2.INTER_NEAREST) > 0
+    previous += _drift(previous, now.disparity, now.measured & motion.same & previously_measured)
+    agreeing = motion.same & (np.abs(previous - now.disparity) <= np.float32(settings.limit))
+    out = np.where(agreeing, (previous + now.disparity) / 2, now.disparity)
+    filled = motion.still & ~agreeing & now.filled & before.filled
+    if filled.any():
+        filled &= _quiet(before, now, np.float32(QUIET_TOLERANCE * settings.limit))
+        out[filled] = (before.disparity[filled] + now.disparity[filled]) / 2
     return np.asarray(out, np.float32)
 
 
-def _fetched(values: FloatMap | np.ndarray, motion: Motion, interpolation: int) -> np.ndarray:
+def _warped(values: FloatMap | np.ndarray, motion: Motion, interpolation: int) -> np.ndarray:
+    """Return values of the previous frame at the pixels of this one."""
     return np.asarray(cv2.remap(values, motion.col, motion.row, interpolation))
 
 
-def _drift(carried: FloatMap, now: FloatMap, witnesses: Mask) -> FloatMap:
+def _drift(previous: FloatMap, now: FloatMap, both_measured: Mask) -> FloatMap:
     """Return the smooth growth of the disparities since the previous frame, px, from the pixels measured in both.
 
     Where these are few, it is the growth expected when approaching a static scene, in which 1/d shrinks by the same
     amount everywhere.
     """
-    change = now - carried
-    approach = _approach(carried[::EVERY, ::EVERY], now[::EVERY, ::EVERY], witnesses[::EVERY, ::EVERY])
-    near = np.maximum(np.nan_to_num(carried), 0)
-    scale = np.maximum(1 - approach * near, np.float32(0.25))
-    expected = np.asarray(approach * near * near / scale, np.float32)
-    drift, size = expected, (DRIFT_SIZE, DRIFT_SIZE)
-    for limit in DRIFT_LIMITS:
-        taking_part = witnesses & (np.abs(change - drift) <= np.float32(limit))
-        more = cv2.blur(np.where(taking_part, change - expected, np.float32(0)), size)
-        share = cv2.blur(taking_part.astype(np.float32), size)
-        drift = np.asarray(expected + more / (share + np.float32(DRIFT_SHRINKAGE)), np.float32)
+    change = now - previous
+    sampled = np.s_[::SCENE_STEP, ::SCENE_STEP]
+    approach = _approach(previous[sampled], now[sampled], both_measured[sampled])
+    disparity = np.maximum(np.nan_to_num(previous), 0)
+    scale = np.maximum(1 - approach * disparity, np.float32(0.25))
+    expected = np.asarray(approach * disparity * disparity / scale, np.float32)
+    drift, size = expected, (DRIFT_WINDOW_PX, DRIFT_WINDOW_PX)
+    for limit in DRIFT_LIMITS_PX:
+        averaged = both_measured & (np.abs(change - drift) <= np.float32(limit))
+        excess = cv2.blur(np.where(averaged, change - expected, np.float32(0)), size)
+        share = cv2.blur(averaged.astype(np.float32), size)
+        drift = np.asarray(expected + excess / (share + np.float32(SCENE_WEIGHT)), np.float32)
     return drift
 
 
-def _approach(carried: FloatMap, now: FloatMap, witnesses: Mask) -> np.float32:
+def _approach(previous: FloatMap, now: FloatMap, both_measured: Mask) -> np.float32:
     """Return the decrease of 1/d, per px: a median weighted towards near pixels, which are the most accurate."""
-    chosen = witnesses & (carried > 1) & (now > 1)
-    if np.count_nonzero(chosen) < LEAST:
+    used = both_measured & (previous > 1) & (now > 1)
+    if np.count_nonzero(used) < MIN_SCENE_PIXELS:
         return np.float32(0)
-    before, after = carried[chosen].astype(np.float64), now[chosen].astype(np.float64)
+    before, after = previous[used].astype(np.float64), now[used].astype(np.float64)
     weight = before * after
-    found = (after - before) / weight
-    order = np.argsort(found, kind="stable")
+    decrease = (after - before) / weight
+    order = np.argsort(decrease, kind="stable")
     total = np.cumsum(weight[order])
-    return np.float32(found[order][np.searchsorted(total, total[-1] / 2)])
+    return np.float32(decrease[order][np.searchsorted(total, total[-1] / 2)])
 
 
 def _quiet(before: DisparityMap, now: DisparityMap, limit: np.float32) -> Mask:
     """Return the mask of pixels around which nearly all measured pixels kept their disparity."""
-    both, size = before.measured & now.measured, (QUIET_SIZE, QUIET_SIZE)
+    both, size = before.measured & now.measured, (QUIET_WINDOW_PX, QUIET_WINDOW_PX)
     kept = both & (np.abs(now.disparity - before.disparity) <= limit)
-    counts = [cv2.blur(one.astype(np.float32), size) for one in (kept, both)]
-    return np.asarray(counts[0] >= np.float32(QUIET_SHARE) * counts[1])
+    kept_share, both_share = (cv2.blur(one.astype(np.float32), size) for one in (kept, both))
+    return np.asarray(kept_share >= np.float32(MIN_QUIET_SHARE) * both_share)
 
 
 class SequenceMotion(Settings):
@@ -283,14 +296,8 @@ class SequenceSettings(Settings):
     )
 
 
-SAMPLED = 5
+SAMPLED_FRAMES = 5
 """Frames, spread over the sequence, that determine the colours of disparities and of the flow before one is drawn."""
-
-ARROW_EVERY = 1 / 28
-"""Spacing of the arrows, as a share of the width."""
-
-DIMMED = 0.45
-"""Brightness of the picture under the arrows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,7 +306,7 @@ class FrameMotion:
 
     Attributes
     ----------
-    back
+    flow_back
         The flow back to the previous frame.
     scene
         The motion in metres; None without a calibration, or if no static scene was found.
@@ -307,18 +314,18 @@ class FrameMotion:
         The verdict of the :class:`~stereolag.motion.flow.FlowMap` unless the frames are related; otherwise the doubt
         of the :class:`~stereolag.motion.scene_flow.SceneFlow`.
     milliseconds
-        Time for all of it.
+        Time for flow and motion.
     """
 
-    back: FlowMap
+    flow_back: FlowMap
     scene: SceneFlow | None
     problem: FlowVerdict | Doubt
     milliseconds: float
 
     def figures(self) -> dict[str, Any]:
-        """Return the figures for the table; moving things are listed nearest first."""
+        """Return the figures for the table; moving objects are listed nearest first."""
         figures: dict[str, Any] = {
-            "coverage": self.back.coverage,
+            "coverage": self.flow_back.coverage,
             "milliseconds": self.milliseconds,
             "problem": self.problem,
         }
@@ -327,25 +334,26 @@ class FrameMotion:
         if not self.problem:
             figures["own_speed_kmh"] = self.scene.own_speed_kmh
             figures["own_speed_error_kmh"] = self.scene.own_speed_error_kmh
-        things = (
+        objects = (
             f"{one.distance_m:.1f} m"
             + (f" {one.speed_kmh:.0f} ± {one.speed_error_kmh:.0f} km/h" if one.trusted else "")
             for one in self.scene.regions
         )
-        return figures | {"moving": "; ".join(things)}
+        return figures | {"moving": "; ".join(objects)}
 
 
-class MotionWatch:
+class MotionDetector:
     """Detector of the motion in each frame of a sequence since the previous one.
 
-    It looks back in time: from a car driving forwards, points seen now were in the previous picture, not vice versa.
+    Each frame is matched with the previous one, not with the next: from a car driving forwards, points visible now were
+    in the previous picture too.
 
     Parameters
     ----------
     sequence
         The sequence.
     method
-        Its search range is used with a calibration, for disparities by the fast preset.
+        The method whose search range is used, if there is a calibration; the disparities are those of the fast preset.
     calibration
         Calibration of the left camera; without it only the flow is computed.
     settings
@@ -367,21 +375,21 @@ class MotionWatch:
         settings: SequenceMotion | None = None,
         largest: float | None = None,
     ) -> None:
-        reach, fast = method.reach(), preset("fast")
-        self._matcher = fast if reach is None else fast.with_search_range(*reach)
+        search_range, fast = method.reach(), preset("fast")
+        self._matcher = fast if search_range is None else fast.with_search_range(*search_range)
         self._sequence, self._calibration = sequence, calibration
         self.settings = settings or SequenceMotion()
         self.largest = largest
         self._last: tuple[int, StereoFrame, DisparityMap | None] | None = None
 
-    def since_before(self, number: int, progress: Progress | None = None) -> FrameMotion | None:
+    def motion_of(self, number: int, progress: Progress | None = None) -> FrameMotion | None:
         """Return the motion since the previous frame; None for the first frame, or if either frame is damaged."""
         if number == 0:
             return None
         start = time.perf_counter()
         try:
-            before, disparity_before = self._matched(number - 1, progress)
-            now, disparity = self._matched(number, progress)
+            before, disparity_before = self._frame_and_map(number - 1, progress)
+            now, disparity = self._frame_and_map(number, progress)
             self._last = number, now, disparity
             flow = optical_flow(now.left, before.left, progress=progress)
         except (ValueError, OSError):
@@ -407,7 +415,7 @@ class MotionWatch:
         """Set the displacement at the rim of the colour wheel, once, from frames spread over the sequence."""
         if self.largest is not None:
             return
-        numbers = np.unique(np.linspace(1, max(1, len(self._sequence) - 1), SAMPLED).round().astype(int))
+        numbers = np.unique(np.linspace(1, max(1, len(self._sequence) - 1), SAMPLED_FRAMES).round().astype(int))
         flows = []
         for number in numbers[numbers < len(self._sequence)]:
             try:
@@ -418,36 +426,39 @@ class MotionWatch:
             flows.append((flow.dy, flow.dx))
         self.largest = largest_motion(*flows) if flows else 1.0
 
-    def drawn(self, left: Image, motion: FrameMotion | None) -> tuple[Rgb, Rgb]:
-        """Return the left picture with moving things outlined, and the picture of the flow."""
+    def pictures(self, left: Image, motion: FrameMotion | None) -> tuple[Rgb, Rgb]:
+        """Return the left picture with moving objects outlined, and the picture of the flow."""
         picture = as_rgb(left)
-        if motion is None or motion.back.dx.shape != picture.shape[:2]:
+        if motion is None or motion.flow_back.dx.shape != picture.shape[:2]:
             return picture, np.full_like(picture, NO_ANSWER)
-        dy, dx = -motion.back.dy, -motion.back.dx
+        dy, dx = -motion.flow_back.dy, -motion.flow_back.dx
         if self.settings.arrows:
-            spacing = max(8, round(picture.shape[1] * ARROW_EVERY))
-            dim = (picture * np.float32(DIMMED)).astype(np.uint8)
-            seen = with_arrows(dim, dy, dx, spacing=spacing)
+            spacing = max(8, round(picture.shape[1] * (1 / 28)))
+            darkened = (picture * np.float32(0.45)).astype(np.uint8)
+            flow_picture = with_arrows(darkened, dy, dx, spacing=spacing)
         else:
             colours = flow_colours(dy, dx, self.largest or 1.0)
-            seen = np.where(colours[..., 3:] > 0, colours[..., :3], np.uint8(NO_ANSWER[0]))
+            flow_picture = np.where(colours[..., 3:] > 0, colours[..., :3], np.uint8(NO_ANSWER[0]))
         if motion.scene is None:
-            return picture, seen
+            return picture, flow_picture
         outlines = [
             outline_of(motion.scene.labels == number, f"{one.speed_kmh:.0f} km/h" if one.trusted else "")
             for number, one in enumerate(motion.scene.regions, start=1)
         ]
-        return with_outlines(picture, outlines), seen
+        return with_outlines(picture, outlines), flow_picture
 
-    def _matched(self, number: int, progress: Progress | None) -> tuple[StereoFrame, DisparityMap | None]:
+    def _frame_and_map(self, number: int, progress: Progress | None) -> tuple[StereoFrame, DisparityMap | None]:
+        """Return a frame, and its map if there is a calibration."""
         if self._last is not None and self._last[0] == number:
             return self._last[1], self._last[2]
         frame = self._sequence.frame(number)
         if self._calibration is None:
             return frame, None
-        return frame, matched(self._matcher, frame, self._sequence.turn, progress)
+        return frame, matched_turned(self._matcher, frame, self._sequence.turn, progress)
 
 
-def matched(matcher: StereoMatcher, frame: StereoFrame, turn: int, progress: Progress | None = None) -> DisparityMap:
-    """Return the map of a frame, whose pictures are turned by so many quarters to be matched."""
-    return matcher.compute(*frame.turned(turn), progress=progress).turned(-turn)
+def matched_turned(
+    matcher: StereoMatcher, frame: StereoFrame, quarters: int, progress: Progress | None = None
+) -> DisparityMap:
+    """Return the map of a frame whose pictures are turned by quarters for the matching, and its map back."""
+    return matcher.compute(*frame.turned(quarters), progress=progress).turned(-quarters)

@@ -8,7 +8,7 @@ import signal
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, Future
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -19,6 +19,7 @@ from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
 
+from stereolag.core.arrays import Rgb
 from stereolag.figures.pictures import as_rgb, disparity_range
 from stereolag.geometry.calibration import Calibration
 from stereolag.loops.bands import available_cores, lone_threads
@@ -36,8 +37,9 @@ from stereolag.sequences.frames import (
     match_frame,
 )
 from stereolag.sequences.motion import (
-    SAMPLED,
-    MotionWatch,
+    SAMPLED_FRAMES,
+    FrameMotion,
+    MotionDetector,
     SequenceSettings,
     flicker,
     same_picture_size,
@@ -50,13 +52,14 @@ from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 LOCAL = "local"
 """Scheduler address for a cluster of processes on this machine that lasts as long as the job."""
 
-LOOKS_S = 0.1
-"""Interval at which the job checks for cancellation."""
+POLL_S = 0.1
+"""Interval at which the job checks for cancellation and reports its progress, s."""
 
-_CONNECTS_S = "10s"
-_COUNTS_S = 5.0
-_FETCHES_S = 30.0
-"""Dask fails with an UnboundLocalError if the time for a result runs out while it comes from its worker."""
+_COUNT_WORKERS_S = 5.0
+"""Interval at which a cluster's workers are counted, s."""
+
+_RESULT_TIMEOUT_S = 30.0
+"""Long, as Dask fails with an UnboundLocalError if it expires while the result comes from its worker, s."""
 
 
 Pending: TypeAlias = Future[MatchedFrame[FrameMap]]
@@ -68,14 +71,15 @@ Promise: TypeAlias = Callable[[], MatchedFrame[DisparityMap]]
 Runner: TypeAlias = "ThreadRunner | DaskRunner"
 """Matches several frames at once, and can steady each with the previous one.
 
-`match` returns a promise of a frame's own maps, to be passed to `submit`, usually twice, which starts a frame: with
-promises, steadied by the previous one. `at_once` is the largest number of frames in flight, which bounds memory however
-long the sequence is; `crashes` are raised by a frame that repeatedly kills its worker, and counts as damaged.
+`submit` starts the work on a frame. To steady it, `match` is called first, which returns a promise of a frame's own
+maps; `submit` takes the promises of the frame and of the previous one. `max_in_flight` is the largest number of frames
+worked on at once, which bounds memory however long the sequence is; `crashes` are the errors raised for a frame that
+repeatedly kills its worker, and counts as damaged.
 """
 
 
 def in_order(
-    runner: Runner, submit: Callable[[FrameTask], Pending], tasks: Iterable[FrameTask], look: Callable[[], None]
+    runner: Runner, submit: Callable[[FrameTask], Pending], tasks: Iterable[FrameTask], poll: Callable[[], None]
 ) -> Iterator[MatchedFrame[FrameMap]]:
     """Yield the frames in the order of their tasks, with no more in flight than the runner allows.
 
@@ -87,7 +91,7 @@ def in_order(
         Starts a frame on it.
     tasks
         The work.
-    look
+    poll
         Called ten times a second while waiting; an exception from it ends the job.
     """
 
@@ -96,20 +100,20 @@ def in_order(
         pending.add_done_callback(lambda _: done.set())
         return task.number, pending, done
 
-    coming = iter(tasks)
+    remaining = iter(tasks)
     waiting: deque[tuple[int, Pending, threading.Event]] = deque()
     try:
         while True:
-            room = max(0, runner.at_once - len(waiting))  # the limit may fall once a worker has died
-            waiting.extend(map(started, islice(coming, room)))
+            free = max(0, runner.max_in_flight - len(waiting))  # the limit may fall once a worker has died
+            waiting.extend(map(started, islice(remaining, free)))
             if not waiting:
                 return
-            look()
+            poll()
             number, pending, done = waiting[0]
-            if not done.wait(LOOKS_S):
+            if not done.wait(POLL_S):
                 continue
             try:
-                frame = pending.result(timeout=_FETCHES_S)
+                frame = pending.result(timeout=_RESULT_TIMEOUT_S)
             except TimeoutError:  # its worker has died since
                 continue
             except runner.crashes:
@@ -153,9 +157,9 @@ def runner_at(scheduler: str | None) -> Iterator[Runner]:
                     preload=__name__,
                 )
             )
-        opening: Any = distributed.Client
+        client_class: Any = distributed.Client
         try:
-            client = opening(address, timeout=_CONNECTS_S, set_as_default=False)
+            client = client_class(address, timeout="10s", set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
             raise ConnectionError(f"There is no Dask scheduler at {scheduler!r}: {error}") from error
         stack.callback(client.close)
@@ -173,13 +177,13 @@ def dask_setup(worker: object) -> None:
 class ThreadRunner:
     """Runner on threads of this process, one frame on each core.
 
-    On exit, frames in flight end within a stage of the matching.
+    On exit, each frame in flight is abandoned after the current stage of its matching.
     """
 
     crashes: tuple[type[Exception], ...] = ()
 
     def __init__(self) -> None:
-        self.at_once = available_cores() + 2
+        self.max_in_flight = available_cores() + 2
         self._stop = threading.Event()
         self._pool = lone_threads("frames")
 
@@ -191,26 +195,29 @@ class ThreadRunner:
         self._pool.shutdown(wait=True, cancel_futures=True)
 
     def match(self, task: FrameTask) -> Promise:
-        """Return a promise of a frame: the first thread that asks matches it while others wait; none can deadlock."""
+        """Return a promise of a frame, which is matched by the first thread that needs it while others wait.
+
+        A promise waits for no other promise, so threads cannot deadlock.
+        """
         lock = threading.Lock()
-        found = cache(partial(match_frame, task, self._stop_here))
+        matched = cache(partial(match_frame, task, self._check_stopped))
 
-        def promised() -> MatchedFrame[DisparityMap]:
+        def promise() -> MatchedFrame[DisparityMap]:
             with lock:
-                return found()
+                return matched()
 
-        return promised
+        return promise
 
-    def submit(self, task: FrameTask, own: Promise | None = None, before: Promise | None = None) -> Pending:
-        """Start a frame as soon as a thread is free."""
+    def submit(self, task: FrameTask, own: Promise | None = None, previous: Promise | None = None) -> Pending:
+        """Start a frame as soon as a thread is free; with promises, steadied by the previous frame."""
 
         def frame() -> MatchedFrame[FrameMap]:
-            promised = [None if one is None else one() for one in (own, before)]
-            return encoded_frame(task, *promised, progress=self._stop_here)
+            matched = [None if promise is None else promise() for promise in (own, previous)]
+            return encoded_frame(task, *matched, progress=self._check_stopped)
 
         return self._pool.submit(frame)
 
-    def _stop_here(self, fraction: float) -> None:
+    def _check_stopped(self, fraction: float) -> None:
         if self._stop.is_set():
             raise CancelledError
 
@@ -228,21 +235,21 @@ class DaskRunner:
 
     def __init__(self, client: Any, crashes: tuple[type[Exception], ...]) -> None:
         self._client, self.crashes = client, crashes
-        self._looked = -math.inf
-        self.at_once = 4
+        self._counted_at = -math.inf
+        self.max_in_flight = 4
 
     def match(self, task: FrameTask) -> Any:
         """Have a worker match a frame and keep the result."""
         return self._client.submit(match_frame, task, pure=False)
 
-    def submit(self, task: FrameTask, own: Any = None, before: Any = None) -> Any:
-        """Send a frame to a worker: with promises, to the one that has its maps."""
-        if time.monotonic() - self._looked > _COUNTS_S:
+    def submit(self, task: FrameTask, own: Any = None, previous: Any = None) -> Any:
+        """Send a frame to a worker; with promises, to the one that has its maps, steadied by the previous frame."""
+        if time.monotonic() - self._counted_at > _COUNT_WORKERS_S:
             # The number of frames in flight follows the workers, which come and go.
-            self._looked = time.monotonic()
+            self._counted_at = time.monotonic()
             workers = self._client.scheduler_info(n_workers=-1)["workers"].values()
-            self.at_once = max(4, 3 * sum(worker["nthreads"] for worker in workers))
-        return self._client.submit(encoded_frame, task, own, before, pure=False)
+            self.max_in_flight = max(4, 3 * sum(worker["nthreads"] for worker in workers))
+        return self._client.submit(encoded_frame, task, own, previous, pure=False)
 
 
 @dataclass(frozen=True)
@@ -254,7 +261,7 @@ class SequenceState:
     done, total
         Numbers of frames; those finished by an earlier job count as done.
     damaged
-        Number of them without a map.
+        Number of frames done without a map.
     elapsed_s, remaining_s
         Seconds; `remaining_s` is NaN until the first frame is done.
     """
@@ -321,11 +328,11 @@ def run_sequence(
     calibration
         Provides the distance of the nearest obstacle in metres.
     settings
-        Steadying by the previous frame, and motion: a video then shows the flow last, and moving things are outlined in
-        the left picture. Both are off by default.
+        Steadying by the previous frame, and motion: a video then shows the flow last, and moving objects are outlined
+        in the left picture. Both are off by default.
     video
         An ".mp4" path or a binary file, for the left pictures beside the maps of every method in one colour range; or a
-        :class:`~stereolag.sequences.video.SequenceVideo`, which says more.
+        :class:`~stereolag.sequences.video.SequenceVideo`, which has more options.
     disparity_format
         ``".png"``, or ``".pfm"`` or ``".npy"``, which can store any disparity.
     scheduler
@@ -378,26 +385,30 @@ def run_sequence(
                 if isinstance(video.file, VideoWriter)
                 else stack.enter_context(VideoWriter(video.file, sequence.frame_rate, len(sequence)))
             )
-        watch = None
+        detector = None
         if settings.motion is not None:
             method = next(iter(named.values()))
-            watch = MotionWatch(sequence, method, calibration, settings.motion, target.largest_motion)
+            detector = MotionDetector(sequence, method, calibration, settings.motion, target.largest_motion)
         runner = stack.enter_context(runner_at(scheduler))
-        job = _Job(sequence, task, target, writer, watch, runner, progress, cancelled)
-        ended = False
+        job = _Job(sequence, task, target, writer, detector, runner, progress, cancelled)
+        was_cancelled = False
         try:
             for frame in job.frames():
-                job.take(frame)
+                job.finish(frame)
         except CancelledError:
-            ended = True
-        new, elapsed = job.done - job.done_before, time.perf_counter() - job.start
+            was_cancelled = True
         return SequenceResult(
-            len(sequence), new - len(job.damaged), job.done_before, job.damaged, cancelled=ended, elapsed_s=elapsed
+            len(sequence),
+            job.done - job.done_before - len(job.damaged),
+            job.done_before,
+            job.damaged,
+            cancelled=was_cancelled,
+            elapsed_s=time.perf_counter() - job.start,
         )
 
 
 class _Job:
-    """One run of :func:`run_sequence`; `task` is the work on a frame but for its number and reader."""
+    """One run of :func:`run_sequence`; `task` is the work on every frame, without its number and reader."""
 
     def __init__(
         self,
@@ -405,13 +416,13 @@ class _Job:
         task: FrameTask,
         target: SequenceTarget,
         writer: VideoWriter | None,
-        watch: MotionWatch | None,
+        detector: MotionDetector | None,
         runner: Runner,
         progress: Callable[[SequenceState], None] | None,
         cancelled: Callable[[], bool] | None,
     ) -> None:
-        self._sequence, self._each, self._target, self._writer, self._motion = sequence, task, target, writer, watch
-        self._runner, self._progress, self._cancelled = runner, progress, cancelled
+        self._sequence, self._every_task, self._target, self._writer = sequence, task, target, writer
+        self._detector, self._runner, self._progress, self._cancelled = detector, runner, progress, cancelled
         self._record = partial(FrameRecord, findings="; ".join(one.code for one in sequence.findings))
         self.start = time.perf_counter()
         self._missing = [number for number in range(len(sequence)) if number not in target.finished]
@@ -420,110 +431,125 @@ class _Job:
         self._last: MatchedFrame[FrameMap] | None = None
         # Each frame is matched for itself and for the next one; the promise of its maps is dropped after its last use.
         self._uses = Counter(one for number in self._missing for one in (number, number - 1))
-        self._promised: dict[int, Any] = {}
+        self._promises: dict[int, Any] = {}
 
     def frames(self) -> Iterator[MatchedFrame[FrameMap]]:
         """Yield every frame to match, and finished ones that the video or the motion needs."""
-        chosen: list[int] = []
-        if self._writer is not None and self._target.colours is None:
-            among = self._missing or range(len(self._sequence))
-            places = np.unique(np.linspace(0, len(among) - 1, min(len(among), SAMPLED)).round().astype(int))
-            chosen = [among[place] for place in places]
         missing = set(self._missing)
-        # The frames chosen for the colours come first, and the others at once behind them.
-        numbers = [*(chosen if missing else ()), *(one for one in self._missing if one not in chosen)]
-        coming = in_order(self._runner, self._submit, map(self._task, numbers), self._look)
-        sampled = {number: next(coming) if missing else self._read_back(number) for number in chosen}
-        if chosen:
+        sampled_numbers: list[int] = []
+        if self._writer is not None and self._target.colours is None:
+            available = self._missing or range(len(self._sequence))
+            count = min(len(available), SAMPLED_FRAMES)
+            places = np.unique(np.linspace(0, len(available) - 1, count).round().astype(int))
+            sampled_numbers = [available[place] for place in places]
+        # The frames sampled for the colours are started first, and the others right after them.
+        numbers = [
+            *(sampled_numbers if missing else ()),
+            *(number for number in self._missing if number not in sampled_numbers),
+        ]
+        matched = in_order(self._runner, self._submit, map(self._task, numbers), self._poll)
+        sampled = {number: next(matched) if missing else self._read_back(number) for number in sampled_numbers}
+        if sampled:
             maps = [one.disparity[::4, ::4] for frame in sampled.values() for one in frame.maps.values()]
             self._target.set_colours(disparity_range(maps))
         for number in range(len(self._sequence)):
-            self._look()
+            self._poll()
             if number in missing:
-                yield sampled.pop(number) if number in sampled else next(coming)
+                yield sampled.pop(number) if number in sampled else next(matched)
             elif self._writer is not None or (
-                self._motion is not None and (number, MOTION) not in self._target.records
+                self._detector is not None and (number, MOTION) not in self._target.records
             ):
                 yield self._read_back(number)
 
     def _submit(self, task: FrameTask) -> Pending:
         if task.steadiness is None:
             return self._runner.submit(task)
-        before = self._own(task.number - 1) if task.number else None
-        return self._runner.submit(task, self._own(task.number), before)
+        previous = self._promise_of(task.number - 1) if task.number else None
+        return self._runner.submit(task, self._promise_of(task.number), previous)
 
-    def _own(self, number: int) -> Any:
+    def _promise_of(self, number: int) -> Any:
         """Return the promise of a frame's own maps."""
         self._uses[number] -= 1
-        if number not in self._promised:
-            self._promised[number] = self._runner.match(self._task(number))
-        return self._promised[number] if self._uses[number] > 0 else self._promised.pop(number)
+        if number not in self._promises:
+            self._promises[number] = self._runner.match(self._task(number))
+        return self._promises[number] if self._uses[number] > 0 else self._promises.pop(number)
 
-    def take(self, frame: MatchedFrame[FrameMap]) -> None:
-        """Write a frame if it is new, and draw it."""
+    def finish(self, frame: MatchedFrame[FrameMap]) -> None:
+        """Detect the motion of a frame, write the frame if it is new, and add it to the video."""
         motion = None
-        if self._motion is not None and not frame.problem:
-            self._motion.lock_colours(self._look)
-            self._target.largest_motion = self._motion.largest
-            motion = self._motion.since_before(frame.number, self._look)
-        name, moment = self._sequence.names[frame.number], frame.number / self._sequence.frame_rate
-        record = partial(self._record, frame.number, name, moment)
-        moved = [] if motion is None else [record(MOTION, **motion.figures())]
-        if frame.number in self._target.finished:
-            self._target.add(moved)
-        else:
-            if frame.problem:
-                self.damaged[name] = frame.problem
-                records = [record(method, problem=frame.problem) for method in self._each.matchers]
-            else:
-                changes = self._flicker(frame)
-                records = [
-                    record(method, flicker_px=changes.get(method, math.nan), **one.figures)
-                    for method, one in frame.maps.items()
-                ]
-            self._target.write(frame, records + moved)
-            self.done += 1
+        if self._detector is not None and not frame.problem:
+            self._detector.lock_colours(self._poll)
+            self._target.largest_motion = self._detector.largest
+            motion = self._detector.motion_of(frame.number, self._poll)
+        self._write(frame, motion)
         if self._writer is not None:
-            if frame.left is None or self._target.colours is None:
-                self._writer.write_blank()
-            else:
-                disparities = [one.disparity for one in frame.maps.values()]
-                if self._each.with_truth:
-                    truth = frame.truth
-                    if truth is None or truth.shape != frame.left.shape[:2]:
-                        truth = np.full(frame.left.shape[:2], np.nan, np.float32)
-                    disparities.append(truth)
-                left, more = as_rgb(frame.left), []
-                if self._motion is not None:
-                    left, flow = self._motion.drawn(frame.left, motion)
-                    more = [flow]
-                self._writer.write(panels(left, disparities, self._target.colours, more=more))
+            self._draw(self._writer, frame, motion)
         self._last = frame
-        self._look()
+        self._poll()
+
+    def _write(self, frame: MatchedFrame[FrameMap], motion: FrameMotion | None) -> None:
+        """Write a frame and its records; of a finished one, those of its motion alone."""
+        name, time_s = self._sequence.names[frame.number], frame.number / self._sequence.frame_rate
+        record = partial(self._record, frame.number, name, time_s)
+        motion_records = [] if motion is None else [record(MOTION, **motion.figures())]
+        if frame.number in self._target.finished:
+            self._target.add(motion_records)
+            return
+        if frame.problem:
+            self.damaged[name] = frame.problem
+            records = [record(method, problem=frame.problem) for method in self._every_task.matchers]
+        else:
+            flickers = self._flicker(frame)
+            records = [
+                record(method, flicker_px=flickers.get(method, math.nan), **one.figures)
+                for method, one in frame.maps.items()
+            ]
+        self._target.write(frame, records + motion_records)
+        self.done += 1
+
+    def _draw(self, writer: VideoWriter, frame: MatchedFrame[FrameMap], motion: FrameMotion | None) -> None:
+        """Add a frame to the video."""
+        if frame.left is None or self._target.colours is None:
+            writer.write_blank()
+            return
+        disparities = [one.disparity for one in frame.maps.values()]
+        if self._every_task.with_truth:
+            truth = frame.truth
+            if truth is None or truth.shape != frame.left.shape[:2]:
+                truth = np.full(frame.left.shape[:2], np.nan, np.float32)
+            disparities.append(truth)
+        pictures: Sequence[Rgb] = [as_rgb(frame.left)]
+        if self._detector is not None:
+            pictures = self._detector.pictures(frame.left, motion)
+        writer.write(panels(pictures[0], disparities, self._target.colours, others=pictures[1:]))
 
     def _flicker(self, frame: MatchedFrame[FrameMap]) -> dict[str, float]:
-        """Return the flicker of each method's map since the previous frame; nothing if that is not known."""
-        before = self._last
-        if before is None or before.number != frame.number - 1:
+        """Return the flicker of each method's map since the previous frame; empty if that is not available."""
+        previous = self._last
+        if previous is None or previous.number != frame.number - 1:
             if frame.number - 1 not in self._target.finished:
                 return {}
-            before = self._read_back(frame.number - 1)
-        if frame.left is None or before.left is None or not same_picture_size(before.left, frame.left):
+            previous = self._read_back(frame.number - 1)
+        if frame.left is None or previous.left is None or not same_picture_size(previous.left, frame.left):
             return {}
-        still = still_pixels(before.left, frame.left)
+        still = still_pixels(previous.left, frame.left)
         return {
-            method: flicker(before.maps[method].disparity, one.disparity, still) for method, one in frame.maps.items()
+            method: flicker(previous.maps[method].disparity, one.disparity, still) for method, one in frame.maps.items()
         }
 
     def _read_back(self, number: int) -> MatchedFrame[FrameMap]:
+        """Return a finished frame."""
         files = {method: self._target.file(number, method) for method in self._target.finished[number]}
         return finished_frame(self._task(number), files)
 
     def _task(self, number: int) -> FrameTask:
-        return self._each._replace(number=number, reader=self._sequence.reader(number))
+        return self._every_task._replace(number=number, reader=self._sequence.reader(number))
 
-    def _look(self, fraction: float = 0.0) -> None:
-        """Report the progress; raise CancelledError if the job was cancelled. Also reports that of a part of it."""
+    def _poll(self, fraction: float = 0.0) -> None:
+        """Report the progress, and raise CancelledError if the job was cancelled.
+
+        It can be passed as a callback that reports the progress of a part, whose `fraction` is ignored.
+        """
         if self._cancelled is not None and self._cancelled():
             raise CancelledError
         if self._progress is not None:

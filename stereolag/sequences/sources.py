@@ -1,4 +1,4 @@
-"""Frames of a stereo camera: folders, patterns, archives and videos, which any process can read by number."""
+"""Frames of a stereo camera in folders, archives and videos, from which any process can read a frame by number."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from stereolag.io.videos import LEAST_RATE, MOST_RATE, VIDEO_ENDINGS, GuardedVid
 from stereolag.samples import DriveExample
 from stereolag.sequences.partners import frame_rate_in_names, partners_by_name, partners_of_frames, same_rate
 
-USUAL_RATE = 10.0
-"""Default frame rate of pictures, which do not record one, Hz."""
+DEFAULT_RATE_HZ = 10.0
+"""Frame rate of pictures, which do not record one, Hz."""
 
-MOST_TRIED = 10
-"""Most frames that are tried for one whose true disparity can be read."""
+MAX_FRAMES_TRIED = 10
+"""Largest number of frames tried to find one whose true disparity can be read."""
 
-MAX_ARCHIVED = 20_000
-"""Most files in an archive of frames."""
+MAX_ARCHIVED_FILES = 20_000
+"""Largest number of files in an archive of frames."""
 
 
 class StereoFrame(NamedTuple):
@@ -81,13 +81,13 @@ class StereoSequence:
     rectified
         Whether frames are rectified when they are read.
     turn
-        Quarters, counter-clockwise, by which the pictures of cameras one above the other are turned to be matched;
+        Quarters, counter-clockwise, by which the pictures of cameras one above the other are turned for the matching;
         their maps are turned back.
     findings
-        What the input doctor finds wrong with the frames, for their table.
+        Problems that the input doctor finds with the frames, for their table.
     notes
-        Sentences about the frames: how videos of two rates are paired, how true disparities are read, and what speaks
-        against these.
+        Sentences about the frames: how videos of two rates are paired, how true disparities are read, or why these may
+        be wrong.
     """
 
     names: tuple[str, ...]
@@ -124,9 +124,9 @@ class StereoSequence:
         except (ValueError, OSError):
             return None
 
-    def first_readable(self, looked_at: int | None = None) -> StereoFrame | None:
-        """Return the first undamaged frame, among the first `looked_at` if given; None if all are damaged."""
-        frames = map(self.readable, range(len(self))[:looked_at])
+    def first_readable(self, max_tried: int | None = None) -> StereoFrame | None:
+        """Return the first undamaged frame, among the first `max_tried` if given; None if all are damaged."""
+        frames = map(self.readable, range(len(self))[:max_tried])
         return next((frame for frame in frames if frame is not None), None)
 
 
@@ -155,9 +155,9 @@ def rectified_sequence(
 
 def _read_rectified(reader: FrameReader, calibration: Calibration, alpha: float | None) -> StereoFrame:
     raw = reader()
-    straight = rectify(raw.left, raw.right, calibration, alpha=alpha)
-    back = 0 if calibration.rig is None else -calibration.rig.turn
-    return StereoFrame(turned(straight.left, back), turned(straight.right, back))
+    rectified = rectify(raw.left, raw.right, calibration, alpha=alpha)
+    turn_back = 0 if calibration.rig is None else -calibration.rig.turn
+    return StereoFrame(turned(rectified.left, turn_back), turned(rectified.right, turn_back))
 
 
 def _picture_sequence(
@@ -168,7 +168,7 @@ def _picture_sequence(
 ) -> StereoSequence:
     """Return the frames in separate picture files.
 
-    One frame tells how the true disparities of all are to be read; depth in their place is left out.
+    How the true disparities of all frames are read follows from one of them; files of depth instead are ignored.
     """
     fit, note = _fit_of_truths(files, source_of, door)
     if fit is not None and fit.is_depth:
@@ -177,7 +177,7 @@ def _picture_sequence(
     lefts = [one.left for one in files]
     return StereoSequence(
         _frame_names(lefts),
-        frame_rate or frame_rate_in_names(lefts) or USUAL_RATE,
+        frame_rate or frame_rate_in_names(lefts) or DEFAULT_RATE_HZ,
         lambda number: partial(_read_pictures, files[number], source_of, door, divisor),
         has_truth=any(one.truth is not None for one in files),
         notes=(note,) if note else (),
@@ -187,8 +187,8 @@ def _picture_sequence(
 def _fit_of_truths(
     files: Sequence[FrameFiles], source_of: Callable[[str], Source], door: Door
 ) -> tuple[TruthFit | None, str]:
-    """Return how the first true disparity that can be read fits its frame, and a sentence if that is to be said."""
-    for one in [one for one in files if one.truth is not None and one.right is not None][:MOST_TRIED]:
+    """Return how the first readable true disparity fits its frame, and a sentence about it, or ""."""
+    for one in [one for one in files if one.truth is not None and one.right is not None][:MAX_FRAMES_TRIED]:
         with suppress(ValueError, OSError):  # a damaged frame
             left, right, _ = _read_pictures(one._replace(truth=None), source_of, door)
             stored = door(read_stored_disparity)(source_of(one.truth or ""))
@@ -209,13 +209,13 @@ def _read_pictures(
 
 
 def _archived(archive: Path | Archive, name: str) -> bytes:
-    """Return a file of an archive, given by its path, which every process opens once, or by its bytes."""
+    """Return a file of an archive; one given by its path is opened once in each process."""
     return (archive if isinstance(archive, Archive) else _opened_once(archive)).read(name)
 
 
 @lru_cache(maxsize=2)
 def _opened_once(path: Path) -> Archive:
-    return read_archive(path, max_files=MAX_ARCHIVED)
+    return read_archive(path, max_files=MAX_ARCHIVED_FILES)
 
 
 def _two_videos(left: VideoFile, right: VideoFile, frame_rate: float | None) -> StereoSequence:
@@ -259,12 +259,12 @@ def _read_both_views(read: Callable[[], Image], layout: Layout, crossed: bool) -
 
 
 def _layout_of(pictures: Iterable[Callable[[], Image]]) -> tuple[Layout, bool] | None:
-    """Return how both views stand in the first of some pictures that shows it; None if none does.
+    """Return the layout of both views, and whether they are crossed, from the first picture that shows it; else None.
 
     Raises
     ------
     Anaglyph
-        A picture whose views are in its colours.
+        If the views are the colours of an anaglyph.
     """
     for read in pictures:
         try:
@@ -301,9 +301,9 @@ def open_sequence(
     frame_rate
         Hz; by default that of the slower video; of pictures, that of Unix times in their names, or 10.
     layout
-        How both views stand in each picture or frame, the left one first; by default found from them.
+        Layout of both views in each picture or frame, the left one first; by default found from the pictures.
     door
-        :func:`~stereolag.io.guard.guarded` to have the guard decode strangers' files.
+        :func:`~stereolag.io.guard.guarded` if the guard is to decode the files, which come from strangers.
 
     Returns
     -------
@@ -322,7 +322,7 @@ def open_sequence(
     if frame_rate is not None and not LEAST_RATE <= frame_rate <= MOST_RATE:
         raise ValueError(f"frame_rate is {frame_rate} Hz; allowed are {LEAST_RATE} to {MOST_RATE} Hz.")
     if right is None:
-        sequence = _of_one(left, frame_rate, door, video, layout)
+        sequence = _open_one(left, frame_rate, door, video, layout)
     elif layout is not None:
         raise ValueError("A layout is that of frames with both views; these are two files.")
     elif isinstance(left, str | PathLike) and (Path(left).is_dir() or _ending(Path(left)) not in VIDEO_ENDINGS):
@@ -348,7 +348,7 @@ def example_sequence(example: DriveExample) -> StereoSequence:
     return _picture_sequence([FrameFiles(*map(str, one)) for one in files], example.frame_rate)
 
 
-def _of_one(
+def _open_one(
     source: Source, frame_rate: float | None, door: Door, video: type[VideoFile], layout: Layout | None
 ) -> StereoSequence:
     path = Path(source).absolute() if isinstance(source, str | PathLike) else None
@@ -356,7 +356,7 @@ def _of_one(
         names = sorted(_below(path) if path.is_dir() else _pictures(path, IMAGE_SUFFIXES), key=natural_order)
         return _of_files(names, frame_rate, path.joinpath, door, layout)
     if is_archive(beginning(source)):
-        archive = read_archive(source, max_files=MAX_ARCHIVED)
+        archive = read_archive(source, max_files=MAX_ARCHIVED_FILES)
         return _of_files(archive.names, frame_rate, partial(_archived, path or archive), door, layout)
     both = video(source)
     if both.tracks == 2 and layout is None:
@@ -389,7 +389,7 @@ def _of_files(
         )
     return StereoSequence(
         _frame_names(pictures),
-        frame_rate or frame_rate_in_names(pictures) or USUAL_RATE,
+        frame_rate or frame_rate_in_names(pictures) or DEFAULT_RATE_HZ,
         lambda number: partial(_read_both_views, partial(_read_picture, pictures[number], source_of, door), *both),
     )
 
@@ -406,14 +406,14 @@ def _below(folder: Path) -> list[str]:
 def _frames_among(names: Sequence[str]) -> list[FrameFiles]:
     """Return the frames of one camera among files; with several cameras, by the most reliable naming convention."""
     pairs = matched_pairs(names)
-    surest = min((pair.convention for pair in pairs), default=0)
-    pairs = [pair for pair in pairs if pair.convention == surest]
+    most_reliable = min((pair.convention for pair in pairs), default=0)
+    pairs = [pair for pair in pairs if pair.convention == most_reliable]
     left, right = pictures_by_side(names)
     if 2 * len(pairs) < min(len(left), len(right)):  # the names of the pictures differ, too
         return [*map(FrameFiles, left, partners_by_name(left, right, "right pictures"))]
     frames = [FrameFiles(pair.left, pair.right, pair.truth) for pair in pairs]
     if frames:
-        frames += [FrameFiles(name, None) for name in unpaired_left(names, pairs, surest)]
+        frames += [FrameFiles(name, None) for name in unpaired_left(names, pairs, most_reliable)]
     return sorted(frames, key=lambda frame: [natural_order(frame.left), frame.left])
 
 

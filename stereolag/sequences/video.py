@@ -1,4 +1,4 @@
-"""Videos of the maps of a sequence: one MP4 file, or the pieces of one while it is being made."""
+"""Videos of the maps of a sequence: an MP4 file, or its pieces while it is being written."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, BinaryIO, Final, Self
+from typing import Any, BinaryIO, Self
 from uuid import uuid4
 
 import av
@@ -21,16 +21,8 @@ from stereolag.core.arrays import FloatMap, Rgb
 from stereolag.core.inputs import Image
 from stereolag.figures.pictures import NO_ANSWER, as_rgb, coloured
 
-CODEC: Final = "libx264"
-MOST_WIDTH = 3840
+MAX_WIDTH_PX = 3840
 """Largest width that decoders in browsers and phones reliably accept, px."""
-
-FRAGMENTED: Final[dict[str, str]] = {"movflags": "frag_keyframe+empty_moov+default_base_moof"}
-AT_ONCE: Final[dict[str, str]] = {"tune": "zerolatency"}
-"""Encodes every picture before the next one arrives, so that each piece ends exactly with its second."""
-
-_ENCODING: Final[dict[str, str]] = {"preset": "ultrafast", "qp": "20"}
-"""A fixed quantiser looks no worse than a constant rate factor (41 to 48 dB), which estimates every picture's cost."""
 
 
 @dataclass(frozen=True)
@@ -70,27 +62,27 @@ def panels(
     maps: Sequence[FloatMap],
     colours: tuple[float, float],
     *,
-    more: Sequence[Rgb] = (),
+    others: Sequence[Rgb] = (),
 ) -> Rgb:
-    """Return the left picture, the maps (near is bright) and `more` pictures side by side, (H, n * W, 3) uint8.
+    """Return the left picture, the maps (near is bright) and other pictures side by side, (H, n * W, 3) uint8.
 
     Each is cropped to even width and height: H.264 stores one colour per 2 × 2 px, which must not span two pictures.
     """
     rows, cols = (side // 2 * 2 for side in left.shape[:2])
-    parts = [as_rgb(left), *(coloured(one, *colours) for one in maps), *more]
+    parts = [as_rgb(left), *(coloured(one, *colours) for one in maps), *others]
     return np.concatenate([part[:rows, :cols] for part in parts], axis=1)
 
 
-def index_first(most_frames: int) -> dict[str, str]:
-    """Return the options for an MP4 with its index first, with room for `most_frames` pictures."""
-    return {"moov_size": str(8192 + 32 * most_frames)}
+def index_first(max_frames: int) -> dict[str, str]:
+    """Return the options for an MP4 with its index first, with room for `max_frames` pictures."""
+    return {"moov_size": str(8192 + 32 * max_frames)}
 
 
 class VideoWriter:
     """Writer of pictures to a video that every browser plays: H.264, yuv420p, in an MP4 with its index first.
 
     Every second begins with a keyframe, so that players can seek. A file gets its final name when it is closed; if the
-    work is cancelled or fails, it has the pictures written until then.
+    work is cancelled or fails, it has the pictures written so far.
 
     Parameters
     ----------
@@ -98,10 +90,10 @@ class VideoWriter:
         A path that ends in ".mp4", or a readable, writable and seekable binary file object.
     frame_rate
         Hz.
-    most_frames
+    max_frames
         Largest number of pictures that will be written; space for their index is reserved.
     fragmented
-        Whether to write one-second pieces, each with its own index, which can be read as they are written.
+        Whether to write pieces of a second, each with its own index, which can be read while the next is written.
 
     Raises
     ------
@@ -113,7 +105,7 @@ class VideoWriter:
         self,
         target: str | os.PathLike[str] | BinaryIO | _Sink,
         frame_rate: float,
-        most_frames: int,
+        max_frames: int,
         *,
         fragmented: bool = False,
     ) -> None:
@@ -122,15 +114,18 @@ class VideoWriter:
             raise ValueError(f"video ends in {self._path.suffix!r}; a video is written as '.mp4'.")
         self._part = self._path and self._path.with_name(f".{uuid4().hex}.part")
         self._rate = Fraction(frame_rate).limit_denominator(1001)
-        # The index of an MP4 takes some 20 bytes per picture; reserving its space avoids moving the pictures later.
+        # A fragmented file consists of pieces that begin with a keyframe, each with its own index. Otherwise the index
+        # takes some 20 bytes per picture; reserving its space avoids moving the pictures later.
         self._container = av.open(
             str(self._part) if self._part else target,
             "w",
             format="mp4",
-            options=FRAGMENTED if fragmented else index_first(most_frames),
+            options={"movflags": "frag_keyframe+empty_moov+default_base_moof"}
+            if fragmented
+            else index_first(max_frames),
         )
         self._stream: av.VideoStream | None = None
-        self._awaiting = 0
+        self._leading_blanks = 0
         self._fragmented = fragmented
         self.frames = 0
 
@@ -143,8 +138,8 @@ class VideoWriter:
     def write(self, picture: Rgb) -> None:
         """Append a picture, (H, W, 3) uint8; all take the size of the first one, made even."""
         if self._stream is None:
-            self._stream = self._begun(picture.shape[1], picture.shape[0])
-            for _ in range(self._awaiting):
+            self._stream = self._add_stream(picture.shape[1], picture.shape[0])
+            for _ in range(self._leading_blanks):
                 self.write_blank()
         size = self._stream.width, self._stream.height
         if (picture.shape[1], picture.shape[0]) != size:
@@ -158,7 +153,7 @@ class VideoWriter:
     def write_blank(self) -> None:
         """Append a grey picture in place of a damaged frame, so that later frames keep their time."""
         if self._stream is None:
-            self._awaiting += 1  # until the size is known
+            self._leading_blanks += 1  # written once the size is known
         else:
             self.write(np.full((self._stream.height, self._stream.width, 3), NO_ANSWER, np.uint8))
 
@@ -174,16 +169,19 @@ class VideoWriter:
             if self._part is not None:
                 self._part.unlink(missing_ok=True)
 
-    def _begun(self, width: int, height: int) -> av.VideoStream:
-        shrink = min(1.0, MOST_WIDTH / width)
-        stream = self._container.add_stream(CODEC, rate=self._rate)
+    def _add_stream(self, width: int, height: int) -> av.VideoStream:
+        shrink = min(1.0, MAX_WIDTH_PX / width)
+        stream = self._container.add_stream("libx264", rate=self._rate)
         stream.width, stream.height = (max(2, int(side * shrink) // 2 * 2) for side in (width, height))
         stream.pix_fmt = "yuv420p"
         stream.codec_context.time_base = 1 / self._rate
         stream.codec_context.gop_size = max(1, round(self._rate))
         # As OpenCV converts: limited range, with the weights of Rec. 601.
         stream.codec_context.color_range, stream.codec_context.colorspace = ColorRange.MPEG, Colorspace.ITU601
-        stream.options = {**_ENCODING, **(AT_ONCE if self._fragmented else {})}
+        # A fixed quantiser looks no worse than a constant rate factor (41 to 48 dB), which estimates a picture's cost.
+        # With zero latency each picture is encoded before the next one arrives, and a piece ends with its second.
+        at_once: dict[str, str] = {"tune": "zerolatency"} if self._fragmented else {}
+        stream.options = {"preset": "ultrafast", "qp": "20", **at_once}
         return stream
 
 
@@ -239,7 +237,7 @@ class VideoPieces(VideoWriter):
 
 
 class _Sink:
-    """A stream that can only be written to: the video cannot go back to bytes that have been taken."""
+    """A stream that can only be written to, as bytes already taken cannot be changed."""
 
     def __init__(self) -> None:
         self.written = bytearray()

@@ -47,7 +47,7 @@ Colour = str | tuple[int, int, int]
 TOGETHER: dict[str, dict[str, Colour]] = {
     "recordings": {"sensor 1": SENSOR_1, "sensor 2": SENSOR_2},
     "curve": {"curve": CORRELATION, "peak": PEAK},
-    "curve in doubt": {"curve": CORRELATION, "doubtful": recordings.DOUBTFUL},
+    "curve in doubt": {"curve": CORRELATION, "doubtful": recordings.DOUBTFUL_COLOUR},
     "agreement": {
         "all": maps.ALL_AGREE,
         "some": maps.SOME_AGREE,

@@ -130,7 +130,7 @@ def test_tables_tell_every_reason_every_finding_of_the_doctor_and_every_benchmar
     assert [code.strip("`") for row in rows for code in row.split(", ")] == [code.value for code in FindingCode]
     tables = set()
     for node in ast.parse(text_of(PROJECT / "benchmarks/__main__.py")).body:
-        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") in ("USUAL", "TABLES"):
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") in ("DEFAULT_TABLES", "TABLES"):
             tables |= {part.value for part in ast.walk(node) if isinstance(part, ast.Constant)}
     assert set(re.findall(r"^\| `(\w+)` \|", own("measurements.md"), re.MULTILINE)) == tables
 

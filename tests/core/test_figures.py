@@ -11,17 +11,17 @@ from benchmarks.verdict import common, drifting, tones, unrelated
 from stereolag.assess.explaining import window_start
 from stereolag.core.arrays import Box
 from stereolag.figures import recordings
-from stereolag.figures.match import CLOSEST, WindowGrid, overlap_figure, window_grid
+from stereolag.figures.match import MAX_PER_SIDE, WindowGrid, overlap_figure, window_grid
 from stereolag.signals import signal_lag
 from stereolag.signals.correlation import overlap_slices
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from tests.app.uploads import noise
 
 
-@pytest.mark.parametrize("count", [10, recordings.POINTS, 50_000])
+@pytest.mark.parametrize("count", [10, recordings.MAX_POINTS, 50_000])
 def test_a_line_holds_as_many_points_as_are_seen(count: int) -> None:
     figure = recordings.waveforms(noise(count), noise(count, 1), 8_000)
-    assert all(min(count, recordings.POINTS - 2) <= len(trace.x) <= recordings.POINTS for trace in figure.data)
+    assert all(min(count, recordings.MAX_POINTS - 2) <= len(trace.x) <= recordings.MAX_POINTS for trace in figure.data)
     assert all(trace.x[0] == 0 and trace.x[-1] == pytest.approx((count - 1) / 8_000) for trace in figure.data)
     assert all(trace.y.dtype == np.float32 for trace in figure.data)
 
@@ -33,13 +33,13 @@ def test_the_lag_is_undone(lag: int) -> None:
     over = recordings.aligned(first, second, lag, 1.0)
     assert over.data[1].x[0] - over.data[0].x[0] == -lag
     shared, _ = overlap_slices(first.size, second.size, lag)
-    for position in (shared.start, recordings.liveliest_start(first, shared), shared.stop - 1):
+    for position in (shared.start, recordings.highest_energy_start(first, shared), shared.stop - 1):
         near = recordings.close_up(first, second, lag, position)
         assert 1 <= len(near.data[0].y) <= recordings.CLOSE_UP_SAMPLES
         assert np.allclose(near.data[0].y, near.data[1].y, atol=0.2)  # each in units of its own standard deviation
     quiet = 0.01 * noise(5_000)
     quiet[3_000:3_200] *= 100
-    assert abs(recordings.liveliest_start(quiet, slice(0, 5_000)) - 3_000) < 20
+    assert abs(recordings.highest_energy_start(quiet, slice(0, 5_000)) - 3_000) < 20
 
 
 def test_a_tone_has_its_rivals_marked_and_no_band_of_chance_that_covers_its_peaks() -> None:
@@ -149,11 +149,11 @@ def grid_at(row: int, col: int, size: int, overlap: float) -> WindowGrid:
 def test_every_window_is_of_the_map_and_the_figure_is_legible(size: int, overlap: float, row: int, col: int) -> None:
     grid = grid_at(row, col, size, overlap)
     every_row, every_col = (set(range(0, side - size + 1, grid.step)) for side in SHAPE)
-    cut, half = grid.cut, (size - 1) / 2
+    part, half = grid.part, (size - 1) / 2
     # The reference counts all windows of the map one by one.
     counted = [
         sum(first <= start + half < first + length for start in starts)
-        for starts, first, length in ((every_row, cut.row, cut.height), (every_col, cut.col, cut.width))
+        for starts, first, length in ((every_row, part.row, part.height), (every_col, part.col, part.width))
     ]
     assert grid.values == counted[0] * counted[1]
     assert set(grid.rows.tolist()) <= every_row
@@ -162,11 +162,11 @@ def test_every_window_is_of_the_map_and_the_figure_is_legible(size: int, overlap
     assert (grid.middle.row, grid.middle.col) in near
     assert 1 <= len(near) <= 9
     for top, left in near:
-        assert cut.row <= top <= cut.row + cut.height - size
-        assert cut.col <= left <= cut.col + cut.width - size
+        assert part.row <= top <= part.row + part.height - size
+        assert part.col <= left <= part.col + part.width - size
     # Neighbours stay some px apart on the screen, whatever the settings.
-    assert grid.every * grid.step >= size / CLOSEST
-    assert grid.drawn(grid.rows, grid.middle.row).size <= 4 * CLOSEST
+    assert grid.every * grid.step >= size / MAX_PER_SIDE
+    assert grid.drawn(grid.rows, grid.middle.row).size <= 4 * MAX_PER_SIDE
 
 
 def test_the_figure_has_the_windows_their_centres_and_the_part_of_the_image() -> None:
@@ -184,9 +184,9 @@ def test_the_figure_has_the_windows_their_centres_and_the_part_of_the_image() ->
     assert figure.layout.yaxis.range[0] > figure.layout.yaxis.range[1]
     assert figure.layout.yaxis.scaleanchor == "x"
     (picture,) = figure.layout.images
-    assert (picture.sizex, picture.sizey) == (grid.cut.width, grid.cut.height)
+    assert (picture.sizex, picture.sizey) == (grid.part.width, grid.part.height)
     corner = grid_at(0, 399, 20, 0.5)
-    assert (corner.cut.row, corner.cut.col + corner.cut.width) == (0, 400)
+    assert (corner.part.row, corner.part.col + corner.part.width) == (0, 400)
     assert len(corner.neighbours()) == 4
     with pytest.raises(ValueError, match=r"\(3, 4\) is not on a grid of step 2"):
         window_grid(SHAPE, Box(3, 4, 20, 20), 2)

@@ -27,7 +27,7 @@ from benchmarks.flow_kinds import (
 )
 from stereolag import FlowMap, Reason, optical_flow
 from stereolag.motion.candidates import Candidates, best_of_neighbours, best_of_neighbours_reference, match_level
-from stereolag.motion.evidence import determined
+from stereolag.motion.evidence import unambiguous
 from stereolag.motion.flow import FlowMatcher
 from stereolag.motion.levels import Frame as Level
 from stereolag.motion.levels import (
@@ -320,7 +320,7 @@ def test_a_pattern_goes_on_no_farther_than_to_a_jump_of_its_motion() -> None:
     pyramids = [Level(one, one, 1.0).pyramid(3) for one in map(as_frame, (scene, shifted(scene, 0, 6)))]
     flow = np.zeros((2, ROWS, COLS), np.float32)
     flow[1] = np.where(COL < 180, 6, 6 - 28)
-    kept = determined(*pyramids, flow, np.ones((ROWS, COLS), np.bool_), 48)[20:-20]
+    kept = unambiguous(*pyramids, flow, np.ones((ROWS, COLS), np.bool_), 48)[20:-20]
     assert kept[:, 20:160].mean() > 0.9 and kept[:, 200:-20].mean() < 0.1
 
 

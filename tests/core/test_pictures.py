@@ -154,11 +154,11 @@ def disc(rows: int, cols: int, dtype: npt.DTypeLike = np.uint8) -> npt.NDArray[n
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
-@pytest.mark.parametrize("shape", [(120, 160), (121, 97), (900, 2 * pictures.LOOKED_AT)])
+@pytest.mark.parametrize("shape", [(120, 160), (121, 97), (900, 2 * pictures.EDGE_IMAGE_WIDTH_PX)])
 def test_the_edge_of_a_disc_is_one_line_where_the_disc_ends(shape: tuple[int, int], dtype: npt.DTypeLike) -> None:
     (line,) = pictures.edge_lines(disc(*shape, dtype))
     radius = np.hypot(line[:, 0] - shape[1] / 2, line[:, 1] - shape[0] / 2)
-    np.testing.assert_allclose(radius, shape[0] / 4, atol=1.6 * max(1.0, shape[1] / pictures.LOOKED_AT))
+    np.testing.assert_allclose(radius, shape[0] / 4, atol=1.6 * max(1.0, shape[1] / pictures.EDGE_IMAGE_WIDTH_PX))
     angles = np.sort(np.arctan2(line[:, 1] - shape[0] / 2, line[:, 0] - shape[1] / 2))
     assert np.diff(angles, append=angles[0] + 2 * np.pi).max() < np.pi / 4
 
@@ -174,8 +174,8 @@ def test_too_many_edges_are_bounded_and_the_longest_lines_stay() -> None:
     blots = cv2.GaussianBlur(np.random.default_rng(2).random((800, 800), np.float32), (0, 0), 3)
     cells = np.where(blots > 0.5, 220, 30).astype(np.uint8)
     cells[:, 400:404] = 0
-    assert 0.5 * pictures.MOST_POINTS < sum(map(len, pictures.edge_lines(cells))) <= pictures.MOST_POINTS
-    assert len(pictures.edge_path(cells)) < 12 * pictures.MOST_POINTS
+    assert 0.5 * pictures.MAX_POINTS < sum(map(len, pictures.edge_lines(cells))) <= pictures.MAX_POINTS
+    assert len(pictures.edge_path(cells)) < 12 * pictures.MAX_POINTS
 
 
 def test_the_path_of_a_photograph_holds_its_lines() -> None:

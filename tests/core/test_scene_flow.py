@@ -10,7 +10,7 @@ import pytest
 from pairs import texture
 
 from stereolag import Calibration
-from stereolag.motion.moving_objects import Camera, MovingTest, better_explained
+from stereolag.motion.moving_objects import Camera, MovingTest, better_correlated
 from stereolag.motion.scene_flow import disparity_at, scene_flow
 
 CAMERA = Calibration(focal_px=300.0, baseline_m=0.5)
@@ -183,10 +183,10 @@ def test_a_flow_is_better_only_where_it_is_known_and_within_the_frame():
     right, wrong = np.zeros((2, 2, 60, 90), np.float32)
     right[1] = 5
     right[:, :, :20] = np.nan
-    better = better_explained((first, second), right, wrong, 0.1)
+    better = better_correlated((first, second), right, wrong, 0.1)
     assert better[8:-8, 24:-12].mean() > 0.98
     assert not better[:, :20].any() and not better[:, -8:].any()
-    assert not better_explained((first, second), wrong, right, 0.1).any()
+    assert not better_correlated((first, second), wrong, right, 0.1).any()
 
 
 def test_a_disparity_is_taken_of_the_nearest_pixel():

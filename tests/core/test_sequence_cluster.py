@@ -108,7 +108,7 @@ def test_a_run_goes_on_here_where_a_cluster_left_it(
     cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The workers read the archive from its bytes; looks come while frames are on their way from a worker."""
-    monkeypatch.setattr(running, "LOOKS_S", 0.001)
+    monkeypatch.setattr(running, "POLL_S", 0.001)
     out, states = tmp_path / "out", list[SequenceState]()
 
     def cancelled() -> bool:

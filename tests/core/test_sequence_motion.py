@@ -15,7 +15,7 @@ from stereolag import preset
 from stereolag.figures.pictures import FRAME, NO_ANSWER, Outline, outline_of, with_outlines
 from stereolag.sequences import SequenceMemory, SequenceSettings, StereoSequence, open_sequence, run_sequence
 from stereolag.sequences.frames import MOTION, read_records, table_lines
-from stereolag.sequences.motion import MotionWatch, SequenceMotion
+from stereolag.sequences.motion import MotionDetector, SequenceMotion
 
 COUNT = 3
 MATCHER = preset("fast", num_disparities=32)
@@ -27,10 +27,10 @@ def drive() -> StereoSequence:
 
 
 def test_own_speed_and_that_of_the_car_are_told(drive: StereoSequence) -> None:
-    watch = MotionWatch(drive, MATCHER, CAMERA)
-    assert watch.since_before(0) is None
+    detector = MotionDetector(drive, MATCHER, CAMERA)
+    assert detector.motion_of(0) is None
     for number in range(1, COUNT):
-        found = watch.since_before(number)
+        found = detector.motion_of(number)
         assert found.scene.own_speed_kmh == pytest.approx(OWN_KMH, rel=0.04)
         (car,) = found.scene.regions
         assert car.trusted and car.speed_kmh == pytest.approx(CAR_KMH, abs=3)
@@ -41,27 +41,27 @@ def test_own_speed_and_that_of_the_car_are_told(drive: StereoSequence) -> None:
         told = f"{car.distance_m:.1f} m {car.speed_kmh:.0f} ± {car.speed_error_kmh:.0f} km/h"
         assert found.figures()["moving"] == told and found.figures()["problem"] == ""
         # Driving ahead moves the right half to the right and the left half to the left.
-        assert np.nanmedian(found.back.dx[:60, COLS - 60 :]) < 0 < np.nanmedian(found.back.dx[:60, :60])
-    faster = MotionWatch(drive, MATCHER, CAMERA, SequenceMotion(frame_rate=2 * RATE)).since_before(1)
+        assert np.nanmedian(found.flow_back.dx[:60, COLS - 60 :]) < 0 < np.nanmedian(found.flow_back.dx[:60, :60])
+    faster = MotionDetector(drive, MATCHER, CAMERA, SequenceMotion(frame_rate=2 * RATE)).motion_of(1)
     assert faster.scene.own_speed_kmh == pytest.approx(2 * OWN_KMH, rel=0.04)
 
 
 def test_without_a_calibration_there_is_the_flow_alone(drive: StereoSequence) -> None:
-    watch = MotionWatch(drive, MATCHER, None)
-    found = watch.since_before(1)
-    assert found is not None and found.scene is None and found.back.coverage > 0.7
+    detector = MotionDetector(drive, MATCHER, None)
+    found = detector.motion_of(1)
+    assert found is not None and found.scene is None and found.flow_back.coverage > 0.7
     left = drive.frame(1).left
-    picture, flow = watch.drawn(left, found)
+    picture, flow = detector.pictures(left, found)
     assert (picture[..., 0] == left).all() and flow.shape == (ROWS, COLS, 3)
     assert [*found.figures()] == ["coverage", "milliseconds", "problem"]
-    _, arrows = MotionWatch(drive, MATCHER, None, SequenceMotion(arrows=True)).drawn(left, found)
+    _, arrows = MotionDetector(drive, MATCHER, None, SequenceMotion(arrows=True)).pictures(left, found)
     assert 0.3 < arrows.mean() / left.mean() < 0.7, "they stand on the dimmed picture"
     assert np.ptp(arrows.astype(int), axis=2).max() > 100
 
 
 def test_no_speed_is_told_of_a_frame_that_repeats_the_one_before_it() -> None:
-    found = MotionWatch(open_sequence(archive(2, every=0)), MATCHER, CAMERA).since_before(1)
-    assert found.scene is None and found.back.coverage == 1 and found.figures()["problem"] == "identical"
+    found = MotionDetector(open_sequence(archive(2, every=0)), MATCHER, CAMERA).motion_of(1)
+    assert found.scene is None and found.flow_back.coverage == 1 and found.figures()["problem"] == "identical"
 
 
 def test_table_and_video_tell_of_motion(drive: StereoSequence) -> None:
@@ -100,7 +100,7 @@ def test_motion_asked_for_later_is_told_of_finished_frames(
     assert [one.number for one in told] == [1, 2] and len(records) == COUNT + 2
     assert all(one.own_speed_kmh == pytest.approx(OWN_KMH, rel=0.04) for one in told)
     seen: list[int] = []
-    monkeypatch.setattr(MotionWatch, "since_before", lambda _, number, look: seen.append(number))
+    monkeypatch.setattr(MotionDetector, "motion_of", lambda _, number, look: seen.append(number))
     run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA, settings=moving)
     assert seen == [0], "each is told once, and the first has none"
 

@@ -346,7 +346,7 @@ def test_frames_on_their_way_may_become_more_than_are_allowed() -> None:
     class Shrinking:
         """A runner that takes six frames at once, and four after a worker has died."""
 
-        at_once = 6
+        max_in_flight = 6
         crashes = (ZeroDivisionError,)
 
         def match(self, task: FrameTask) -> None:
@@ -355,7 +355,7 @@ def test_frames_on_their_way_may_become_more_than_are_allowed() -> None:
         def submit(self, task: FrameTask, own: object = None, before: object = None) -> Future[MatchedFrame[FrameMap]]:
             done = Future[MatchedFrame[FrameMap]]()
             if task.number == 5:
-                self.at_once = 4
+                self.max_in_flight = 4
                 done.set_exception(ZeroDivisionError())
             else:
                 done.set_result(MatchedFrame(task.number))

@@ -30,7 +30,7 @@ from stereolag.figures.maps import (
     ALL_AGREE,
     ALL_DIFFER,
     BELOW_TO_ABOVE,
-    LARGEST_DIFFERENCE,
+    MAX_DIFFERENCE_PX,
     SOME_AGREE,
     agreement_picture,
     difference_picture,
@@ -106,7 +106,7 @@ def show_comparison(view: DepthView) -> None:
     legends = list(map_legends(view))
     if len(maps) > 1:
         pictures.append(_difference(maps))
-        legends.append(strip_legend("difference, px", -LARGEST_DIFFERENCE, LARGEST_DIFFERENCE, BELOW_TO_ABOVE))
+        legends.append(strip_legend("difference, px", -MAX_DIFFERENCE_PX, MAX_DIFFERENCE_PX, BELOW_TO_ABOVE))
     if len(view.results) > 1:
         pictures.append(_agreement(view))
         partly = [(SOME_AGREE, "some agree")] if len(view.results) > 2 else []

@@ -152,7 +152,7 @@ def show_lined_up(pair: RecordingPair, result: SignalLag, search: LagSearch) -> 
         prose.markdown(f"### Up close: {min(figures.CLOSE_UP_SAMPLES, shared.stop - shared.start)} samples of both")
         start, last_start = shared.start, shared.stop - figures.CLOSE_UP_SAMPLES
         if start < last_start:
-            liveliest = figures.liveliest_start(pair.signal_1, shared)
+            liveliest = figures.highest_energy_start(pair.signal_1, shared)
             start = st.slider("From sample", start, last_start, liveliest, key=f"lag.from.{pair.digest}.{result.lag}")
         st.plotly_chart(
             figures.close_up(pair.signal_1, second, lag, start), key="close_up", alt=close_up_in_words(lag, start)

@@ -14,7 +14,7 @@ from stereolag.core.searches import LagSearch
 from stereolag.core.typography import duration, enumeration, four_digits, typeset, typesets
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.figures.recordings import band_of_chance
-from stereolag.figures.verdicts import MOST_NAMED, verdict_in_words
+from stereolag.figures.verdicts import MAX_NAMED, verdict_in_words
 from stereolag.io.clocks import Recording, starts_apart
 from stereolag.io.results import over_time_in_words
 from stereolag.signals import SignalLag, phasors
@@ -374,7 +374,7 @@ def disturbed_in_words(settings: Disturbances, result: SignalLag) -> dict[str, s
         "spacing": judgement.spacing,
         "rivals": (
             f"at least {len(rivals)} other lags fit as well"
-            if len(rivals) >= MOST_NAMED
+            if len(rivals) >= MAX_NAMED
             else f"{enumeration([f'{one:,}' for one in sorted((lag, *rivals))])} samples fit equally well"
         ),
         "where": "In the middle" if reason in {"drift", "steps"} else "Highest at",

@@ -113,7 +113,7 @@ def show_places(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
         )
     with beside:
         if not result.found:
-            show_picture(figures.what_counts(inputs.template, inputs.mask), "The template", "the template")
+            show_picture(figures.masked_template(inputs.template, inputs.mask), "The template", "the template")
         for match in (places or doubtful(result))[:MAX_CLOSE_UPS]:
             close_up = partial(
                 figures.match_close_up,
@@ -272,7 +272,7 @@ def _funnel_data(inputs: PictureAndTemplate) -> bytes:
     """Return the data for the browser, as JSON."""
     data = {
         "picture": data_url(jpeg(fitted(inputs.picture, MAX_FUNNEL_WIDTH))),
-        "template": data_url(figures.what_counts(inputs.template, inputs.mask)),
+        "template": data_url(figures.masked_template(inputs.template, inputs.mask)),
         "rows": inputs.picture.shape[0],
         "cols": inputs.picture.shape[1],
         "height": inputs.template.shape[0],

@@ -10,7 +10,7 @@ import numpy as np
 from stereolag.core.searches import TemplateQuery
 from stereolag.core.typography import duration, typeset
 from stereolag.figures.pictures import FRAME
-from stereolag.figures.verdicts import EQUAL, is_cut_off, place, remark_on
+from stereolag.figures.verdicts import EQUAL_SCORES, is_cut_off, place, remark_on
 from stereolag.templates import TemplateSearch
 from stereolag.templates.by_hand import ReducedSearch
 from stereolag.templates.following import Followed
@@ -56,7 +56,7 @@ def why_not_found(result: TemplateSearch, query: TemplateQuery) -> str:
             else "There is nothing to correlate anywhere in the image."
         )
     score, count = f"The best place scores {result.best.score:.3f}", len(result.look_alikes)
-    if count and result.best.score - result.look_alikes[-1].score < EQUAL:
+    if count and result.best.score - result.look_alikes[-1].score < EQUAL_SCORES:
         return f"{score}, and so do the others. Ask for {count} matches to find all of them."
     if count:
         return f"{score}, the next {result.look_alikes[1].score:.3f}: no clear lead. {_absent(query)}"
