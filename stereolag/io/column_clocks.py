@@ -13,19 +13,19 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import Vector
 from stereolag.io.clocks import (
-    LONG_STEP,
-    MOST_FILLED,
+    MAX_FILL_RATIO,
+    MIN_GAP_RATIO,
     Channels,
     Gap,
     Recording,
     check_size,
-    filled,
+    interpolated,
     on_even_clock,
     rises_evenly,
 )
 from stereolag.io.formats import WHAT
 from stereolag.io.sources import quote
-from stereolag.io.stamps import DAY_S, Times, granule, read_stamps
+from stereolag.io.stamps import DAY_S, Times, read_stamps, rounding_step
 
 FEWEST_ROWS = 10
 """Columns of fewer rows have no clock among their numbers, and nothing below them."""
@@ -126,7 +126,7 @@ def times_in_numbers(values: Vector, name: str) -> tuple[Times, bool]:
     """Return a column of numbers as times, and whether these are seconds: not counts of an unknown unit."""
     there = ~np.isnan(values)
     first = float(values[there][0])
-    unit, rounding = unit_of(name), granule(values[there])
+    unit, rounding = unit_of(name), rounding_step(values[there])
     width = len(f"{values[there].min():.0f}")
     earliest, latest = _YYMMDD
     is_dated = _DATED.search(name.lower()) and earliest <= values[there].min() <= values[there].max() < latest
@@ -173,7 +173,7 @@ def _date_and_clock_in_digits(table: Channels, names: Sequence[str]) -> tuple[Ti
             texts = [f"{day:.0f}T{clock:013.6f}" for day, clock in zip(days, table[time], strict=True)]
             times = read_stamps(texts)
             if np.isfinite(times.seconds).all():
-                return replace(times, rounding=granule(table[time])), date_, time
+                return replace(times, rounding=rounding_step(table[time])), date_, time
     return None
 
 
@@ -210,7 +210,7 @@ def _clock_in_parts(table: Channels, names: Sequence[str]) -> tuple[Times, list[
     years = years + 2000 * (years.max() < 100)
     begun = (12 * (years - 1970) + months - 1).astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
     times = (begun + days - 1) * DAY_S + hours * 3600 + minutes * 60 + seconds
-    finest = granule(seconds) if found[5] is not None else 60.0 if found[4] is not None else 3600.0
+    finest = rounding_step(seconds) if found[5] is not None else 60.0 if found[4] is not None else 3600.0
     return Times(times - times[0], float(times[0]), "1970", finest), used
 
 
@@ -227,7 +227,7 @@ def _are_digits_of_clocks(values: Vector) -> bool:
         return bool(days.min() >= 19_000_101 and days.max() < 21_000_000)
     steps, in_seconds = np.diff(values), np.diff(minutes // 100 * 3600 + minutes % 100 * 60 + seconds)
     usual = np.median(steps[steps > 0]) if (steps > 0).any() else 0.0
-    fewer_gaps = (in_seconds > LONG_STEP * usual).sum() < (steps > LONG_STEP * usual).sum()
+    fewer_gaps = (in_seconds > MIN_GAP_RATIO * usual).sum() < (steps > MIN_GAP_RATIO * usual).sum()
     return bool(fewer_gaps and np.median(steps) < 40)
 
 
@@ -297,7 +297,7 @@ def on_own_clock(
     values = table[chosen] if len(chosen) < len(table) else table
     if clock is None:
         gaps = _losses(values, np.arange(values.shape[1]) / stated_rate) if stated_rate else ()
-        recording = Recording(filled(values, None, values.shape[1]), stated_rate, gaps=gaps)
+        recording = Recording(interpolated(values, None, values.shape[1]), stated_rate, gaps=gaps)
     else:
         recording = _clocked(values, clock, lines)
         recording = recording if is_seconds else _counted(recording, stated_rate)
@@ -312,7 +312,7 @@ def on_own_clock(
 def _begun_again(values: Vector) -> npt.NDArray[np.int64]:
     """Return how often a counter of 32 bits, as millis() of an Arduino, has begun again before each of its values."""
     with np.errstate(over="ignore", invalid="ignore"):
-        steps, longest = np.diff(values), MOST_FILLED * np.diff(values).max(initial=0.0)
+        steps, longest = np.diff(values), MAX_FILL_RATIO * np.diff(values).max(initial=0.0)
         falls = steps < 0
         seamless = (steps[falls] + _COUNTER >= 0) & (steps[falls] + _COUNTER <= longest) & (longest < _COUNTER / 2)
     is_counter = falls.any() and seamless.all() and (values == np.floor(values)).all() and values.min() >= 0

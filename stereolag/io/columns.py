@@ -30,7 +30,7 @@ from stereolag.io.plain_lines import (
     written_plainly,
 )
 from stereolag.io.sources import quote
-from stereolag.io.stamps import Times, date_and_clock, granule, is_stamp, read_stamps
+from stereolag.io.stamps import Times, date_and_clock, is_stamp, read_stamps, rounding_step
 
 MAX_LINE = 100_000
 """Most characters of a line among those by which columns are recognised."""
@@ -583,5 +583,7 @@ def _clock_of_stamps(
         finer = table[index] * unit
         if finer.min() >= 0 and 0 < finer.max() < 1:
             start_s = times.start_s + float(finer[0])
-            return Times(times.seconds + finer - finer[0], start_s, times.epoch, granule(table[index]) * unit), index
+            return Times(
+                times.seconds + finer - finer[0], start_s, times.epoch, rounding_step(table[index]) * unit
+            ), index
     return times, None

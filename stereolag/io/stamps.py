@@ -68,7 +68,7 @@ class Times:
     rounding: float
 
 
-def granule(times: Vector) -> float:
+def rounding_step(times: Vector) -> float:
     """Return the power of ten to which times are rounded, 1e-9 if to none that is coarser."""
     sample = times[:: max(1, times.size // 1000)] - times[0]
     finest = 2 * float(np.spacing(np.abs(times[[0, -1]]).max()))
@@ -110,7 +110,7 @@ def read_stamps(texts: Sequence[str]) -> Times:
     if whole.size and not np.isnat(whole).any():
         first = whole[0].astype("datetime64[D]")
         seconds = (whole - first).astype(np.int64) * 1e-9
-        return _from_first(seconds, int(first.astype(np.int64)) * DAY_S, "1970", granule(seconds))
+        return _from_first(seconds, int(first.astype(np.int64)) * DAY_S, "1970", rounding_step(seconds))
     found = [_STAMP.fullmatch(text) for text in texts]
     clocks = [one for one in found if one and (one["h"] or one["hms"])]
     by_minutes = all(one["h"] and not one["s"] for one in clocks) and any(

@@ -246,7 +246,7 @@ LONG = np.random.default_rng(0).uniform(-0.5, 0.5, (40_000, 2))
 
 @pytest.fixture
 def _soon_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(clocks, "LONGEST_DOUBLE", 70_000)
+    monkeypatch.setattr(clocks, "MAX_FLOAT64_SAMPLES", 70_000)
 
 
 @pytest.mark.usefixtures("_soon_long")
