@@ -20,8 +20,8 @@ from stereolag.core.arrays import Vector
 from stereolag.core.typography import counted
 from stereolag.io.arrays import MAT_MAGIC, NPY_MAGIC, mat_arrays, npz_arrays, parse_npy
 from stereolag.io.clocks import Recording, check_size, chosen_track, float_type
-from stereolag.io.column_clocks import is_time, on_own_clock, times_in_numbers
-from stereolag.io.columns import LEAST_STATED, MOST_STATED, read_columns
+from stereolag.io.column_clocks import is_time_heading, recording_from_table, times_from_numbers
+from stereolag.io.columns import MAX_STATED, MIN_STATED, read_columns
 from stereolag.io.formats import UNPACK, WHAT, check_text, sound_format
 from stereolag.io.sounds import read_sound
 from stereolag.io.sources import (
@@ -140,13 +140,15 @@ def _from_arrays(arrays: Mapping[str, npt.NDArray[Any]], track: int | str, form:
     rates = [
         value if _RATE_NAMES.fullmatch(name) else 1 / value
         for name, value in numbers.items()
-        if LEAST_STATED < value < MOST_STATED and (_RATE_NAMES.fullmatch(name) or _STEP_NAMES.fullmatch(name))
+        if MIN_STATED < value < MAX_STATED and (_RATE_NAMES.fullmatch(name) or _STEP_NAMES.fullmatch(name))
     ]
     held = {name: array for name, array in arrays.items() if array.size != 1} or arrays
     times = {
         name: array.ravel()
         for name, array in held.items()
-        if len(held) > 1 and (is_time(name) or array.dtype.kind == "M") and array.size == max(array.shape, default=1)
+        if len(held) > 1
+        and (is_time_heading(name) or array.dtype.kind == "M")
+        and array.size == max(array.shape, default=1)
     }
     tracks = tuple(name for name in held if name not in times) or tuple(held)
     number = chosen_track(tracks, track)
@@ -173,13 +175,13 @@ def _from_arrays(arrays: Mapping[str, npt.NDArray[Any]], track: int | str, form:
         (
             read_stamps(np.datetime_as_string(one.astype("datetime64[ns]")).tolist())
             if one.dtype.kind == "M"
-            else times_in_numbers(one.astype(np.float64), name)[0]
+            else times_from_numbers(one.astype(np.float64), name)[0]
             for name, one in times.items()
             if one.size == channels.shape[1] and (one == one).any()  # not all missing
         ),
         None,
     )
-    recording = on_own_clock(channels, names, columns, clock=clock, stated_rate=next(iter(rates), None))
+    recording = recording_from_table(channels, names, columns, clock=clock, stated_rate=next(iter(rates), None))
     return replace(recording, tracks=tracks, track=number)
 
 

@@ -465,7 +465,7 @@ def test_a_counter_of_32_bits_goes_on_when_it_begins_again(name: str, unit: floa
     lines = [f"{count},{value}" for count, value in zip(counts, A[there], strict=True)]
     recording = read("\n".join([f"{name},A"] * bool(name) + lines))
     assert recording.sampling_rate == (pytest.approx(0.05 / unit) if name else None)
-    assert recording.notes[0].endswith("began again at 2^32 and was counted on")
+    assert recording.notes[0].endswith("began again at 2^32 and was continued")
     np.testing.assert_array_equal(recording.channels[0, there], A[there])
     with pytest.raises(ValueError, match="goes back in time"):
         read("\n".join(["millis,A", *lines]).replace(f"\n{counts[60]},", "\n5,"))
