@@ -263,11 +263,9 @@ class _WavHeader:
         if not self.start:
             return "without sound: it ends before its samples, or holds none"
         coding = int.from_bytes(self.layout[:2], self._order)
-        return (
-            "damaged"
-            if coding in _DECODED_CODINGS
-            else f"in the coding {coding:#06x}, which is not decoded, or damaged"
-        )
+        if coding in _DECODED_CODINGS:
+            return "damaged"
+        return f"in the coding {coding:#06x}, which is not decoded, or damaged"
 
 
 # By FFmpeg.

@@ -273,7 +273,7 @@ def test_audio_on_disk_is_streamed_whatever_its_size(
     if cut:
         path.write_bytes(data[:40] + bytes(4) + data[44:])
     monkeypatch.setattr(sources, "MAX_BYTES", 10_000)
-    monkeypatch.setattr(sounds, "BLOCK", 2**16)
+    monkeypatch.setattr(sounds, "BLOCK_SAMPLES", 2**16)
     with pytest.raises(ValueError, match="larger than"):
         read_signal(path.read_bytes())
     tracemalloc.start()
