@@ -13,12 +13,12 @@ from dataclasses import asdict, dataclass
 from benchmarks.hostile_files import READ, READERS, hostile_files, valid_files
 from benchmarks.memory import peak_mb, reset_peak, resident_mb
 from stereolag.core.jobs import set_defaults
-from stereolag.io.guard import PATIENCE, READING_S, guarded, start_guard
+from stereolag.io.guard import MAX_CPU_S, WALL_CLOCK_FACTOR, guarded, start_guard
 
 MOST_SECONDS = 5.0
 """Processor time of the server."""
-MOST_WAITED_S = PATIENCE * READING_S + 1
-"""Time by the clock on a busy machine, with that to end a worker; on an idle one `READING_S`."""
+MOST_WAITED_S = WALL_CLOCK_FACTOR * MAX_CPU_S + 1
+"""Time by the clock on a busy machine, with that to end a worker; on an idle one `MAX_CPU_S`."""
 MOST_MB = 500.0
 
 

@@ -23,7 +23,7 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import rectify, turned
 from stereolag.io.disparities import read_disparity, read_stored_disparity
 from stereolag.io.ground_truth import TruthFit, divisor_in_words, stored_truth_fit
-from stereolag.io.guard import Door, guarded, unguarded
+from stereolag.io.guard import Guard, guarded, unguarded
 from stereolag.io.images import read_image
 from stereolag.io.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, left_alone, matched_pairs, natural_order
 from stereolag.io.sources import Archive, Source, beginning, is_archive, quote, read_archive
@@ -163,13 +163,13 @@ def _picture_sequence(
     files: Sequence[FrameFiles],
     frame_rate: float | None,
     source_of: Callable[[str], Source] = Path,
-    door: Door = unguarded,
+    guard: Guard = unguarded,
 ) -> StereoSequence:
     """Return the frames in separate picture files; they are named by the stems, numbered if these are not unique.
 
     One frame tells how the true disparities of all are to be read; depth in their place is left out.
     """
-    fit, note = _fit_of_truths(files, source_of, door)
+    fit, note = _fit_of_truths(files, source_of, guard)
     if fit is not None and fit.is_depth:
         files = [one._replace(truth=None) for one in files]
     divisor = None if fit is None else fit.divisor
@@ -179,34 +179,34 @@ def _picture_sequence(
     return StereoSequence(
         tuple(names),
         frame_rate or USUAL_RATE,
-        lambda number: partial(_read_pictures, files[number], source_of, door, divisor),
+        lambda number: partial(_read_pictures, files[number], source_of, guard, divisor),
         has_truth=any(one.truth is not None for one in files),
         notes=(note,) if note else (),
     )
 
 
 def _fit_of_truths(
-    files: Sequence[FrameFiles], source_of: Callable[[str], Source], door: Door
+    files: Sequence[FrameFiles], source_of: Callable[[str], Source], guard: Guard
 ) -> tuple[TruthFit | None, str]:
     """Return how the first true disparity that can be read fits its frame, and a sentence if that is to be said."""
     for one in [one for one in files if one.truth is not None and one.right is not None][:MOST_TRIED]:
         with suppress(ValueError, OSError):  # a damaged frame
-            left, right, _ = _read_pictures(one._replace(truth=None), source_of, door)
-            stored = door(read_stored_disparity)(source_of(one.truth or ""))
+            left, right, _ = _read_pictures(one._replace(truth=None), source_of, guard)
+            stored = guard(read_stored_disparity)(source_of(one.truth or ""))
             fit = stored_truth_fit(stored, left, right)
             return fit, fit.doubt or divisor_in_words(stored, fit.divisor)
     return None, ""
 
 
 def _read_pictures(
-    names: FrameFiles, source_of: Callable[[str], Source], door: Door, divisor: float | None = None
+    names: FrameFiles, source_of: Callable[[str], Source], guard: Guard, divisor: float | None = None
 ) -> StereoFrame:
     if names.right is None:
         raise ValueError(f"{Path(names.left).name} has no picture of the right camera.")
-    left, right = (door(read_image)(source_of(name)) for name in (names.left, names.right))
+    left, right = (guard(read_image)(source_of(name)) for name in (names.left, names.right))
     if names.truth is None:
         return StereoFrame(left, right)
-    return StereoFrame(left, right, door(partial(read_disparity, divisor=divisor))(source_of(names.truth)))
+    return StereoFrame(left, right, guard(partial(read_disparity, divisor=divisor))(source_of(names.truth)))
 
 
 def _archived(archive: Path | Archive, name: str) -> bytes:
@@ -261,7 +261,7 @@ def open_sequence(
     truth: str | PathLike[str] | None = None,
     frame_rate: float | None = None,
     layout: Layout | None = None,
-    door: Door = unguarded,
+    guard: Guard = unguarded,
 ) -> StereoSequence:
     """Open the frames of a stereo camera.
 
@@ -278,7 +278,7 @@ def open_sequence(
         Hz; by default that of the video, or 10 for pictures.
     layout
         How both views stand in the frames of one video, the left one first; by default found from them.
-    door
+    guard
         :func:`~stereolag.io.guard.guarded` to have the guard decode strangers' files.
 
     Returns
@@ -293,11 +293,11 @@ def open_sequence(
         If there is nothing to read, the sides cannot be paired, the frame rate is implausible, or there are more
         frames, pixels or seconds than the limits in force.
     """
-    video = VideoFile if door is unguarded else GuardedVideo
+    video = VideoFile if guard is unguarded else GuardedVideo
     if frame_rate is not None and not LEAST_RATE <= frame_rate <= MOST_RATE:
         raise ValueError(f"frame_rate is {frame_rate} Hz; allowed are {LEAST_RATE} to {MOST_RATE} Hz.")
     if right is None:
-        sequence = _of_one(left, frame_rate, door, video, layout)
+        sequence = _of_one(left, frame_rate, guard, video, layout)
     elif layout is not None:
         raise ValueError("A layout is that of one video with both views; these are two.")
     elif isinstance(left, str | PathLike) and (Path(left).is_dir() or _ending(Path(left)) not in VIDEO_ENDINGS):
@@ -314,7 +314,7 @@ def open_sequence(
     return sequence
 
 
-open_uploads = partial(open_sequence, door=guarded)
+open_uploads = partial(open_sequence, guard=guarded)
 """Opens the frames in strangers' files; the guard decodes them."""
 
 
@@ -325,7 +325,7 @@ def example_sequence(example: DriveExample) -> StereoSequence:
 
 
 def _of_one(
-    source: Source, frame_rate: float | None, door: Door, video: type[VideoFile], layout: Layout | None
+    source: Source, frame_rate: float | None, guard: Guard, video: type[VideoFile], layout: Layout | None
 ) -> StereoSequence:
     path = Path(source).resolve() if isinstance(source, str | PathLike) else None
     if path is not None and path.is_dir():
@@ -342,7 +342,7 @@ def _of_one(
     files = _frames_among(archive.names)
     if not files:
         raise ValueError(f"The archive holds no pictures named left and right; files in it: {len(archive.names):,}.")
-    return _picture_sequence(files, frame_rate, partial(_archived, path or archive), door)
+    return _picture_sequence(files, frame_rate, partial(_archived, path or archive), guard)
 
 
 def _frames_among(names: Sequence[str]) -> list[FrameFiles]:
