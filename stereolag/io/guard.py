@@ -95,12 +95,12 @@ class GuardedObject(Generic[T]):
 
     def __init__(self, make: Callable[..., T], *args: Any) -> None:
         self._make = partial(_hold, make, *args)
-        self._turn = threading.Lock()
+        self._lock = threading.Lock()
         self._worker: _Worker | None = None
 
     def ask(self, function: Callable[..., Any], *args: Any) -> Any:
         """Return ``function(object, *args)``; errors as of :func:`guarded`. Threads take turns."""
-        with self._turn:
+        with self._lock:
             _pool.note_use(self)
             if self._worker is None or self._worker.ended:
                 self._worker = _pool.take()
@@ -110,10 +110,10 @@ class GuardedObject(Generic[T]):
 
     def close(self) -> None:
         """End the worker, unless it is busy."""
-        if self._turn.acquire(blocking=False):
+        if self._lock.acquire(blocking=False):
             if self._worker is not None:
                 self._worker.end()
-            self._turn.release()
+            self._lock.release()
 
 
 class _Worker:

@@ -1,4 +1,4 @@
-"""Frames of videos from untrusted bytes, each accessible exactly by its number."""
+"""Videos from untrusted bytes, with exact access to each frame by its number."""
 
 from __future__ import annotations
 
@@ -26,31 +26,31 @@ from stereolag.io.sources import Source, beginning, check_pixels, quote, read_by
 ACCEPTED = "MP4, MOV, MKV, WebM and AVI"
 WHAT = "video"
 DAMAGED = f"The {WHAT} is damaged or cut short; accepted are whole files of {ACCEPTED}."
-VIDEO_ENDINGS = frozenset(["mp4", "m4v", "mov", "mkv", "webm", "avi"])
+VIDEO_SUFFIXES = frozenset(["mp4", "m4v", "mov", "mkv", "webm", "avi"])
 
 CODECS = frozenset(["h264", "hevc", "av1", "libdav1d", "vp8", "vp9", "mpeg4", "mjpeg", "ffv1", "png", "rawvideo"])
-"""The codecs that cameras and editors write; FFmpeg has hundreds more, few of them ever tested on hostile bytes."""
+"""Codecs of cameras and editors; FFmpeg has hundreds more, few of them ever tested on hostile bytes."""
 
-USUAL_RATE = 10.0
+DEFAULT_RATE_HZ = 10.0
 """Frame rate of a video that states no plausible one, Hz."""
 
-LEAST_RATE, MOST_RATE = 0.01, 1000
-"""Range of plausible frame rates, Hz."""
+RATE_LIMITS_HZ = (0.01, 1000)
+"""Range of plausible frame rates."""
 
 _DEMUXERS = ("mov", "matroska", "avi")
-_PATIENCE_PACKETS = 64
-"""Number of later frames decoded before a missing frame counts as damaged."""
+_MAX_LATER_FRAMES = 64
+"""Later frames that are decoded before a missing frame counts as damaged."""
 
 
 class VideoFile:
     """The frames of a video by their numbers; a path is opened again after unpickling.
 
-    Threads that ask at the same time take turns.
+    It can be used by several threads, which take turns.
 
     Raises
     ------
     ValueError
-        A file of another kind, without pictures, with an unsupported codec, damaged, or beyond the limits in force
+        A file of another kind, without pictures, with an unsupported codec, damaged, or beyond the current limits
         (megapixels, frames, seconds). All are checked before a frame is decoded.
     """
 
@@ -58,23 +58,24 @@ class VideoFile:
         self._source: Path | bytes = (
             Path(source).resolve() if isinstance(source, str | PathLike) else read_bytes(source, WHAT)
         )
-        self._turn = threading.Lock()
+        self._lock = threading.Lock()
         self._next = -1
         self._frames: Iterator[VideoFrame] | None = None
         stream = self._stream
         self.width, self.height = stream.codec_context.width, stream.codec_context.height
         """px."""
         rate = stream.average_rate or stream.guessed_rate
-        self.frame_rate = float(rate) if rate and LEAST_RATE <= rate <= MOST_RATE else USUAL_RATE
+        lowest, highest = RATE_LIMITS_HZ
+        self.frame_rate = float(rate) if rate and lowest <= rate <= highest else DEFAULT_RATE_HZ
         """Hz."""
-        self._shown, self._keys = self._indexed()
+        self._frame_times, self._keyframe_times = self._index()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return (_opened_once, (self._source,)) if isinstance(self._source, Path) else (VideoFile, (self._source,))
+        return (_open_once, (self._source,)) if isinstance(self._source, Path) else (VideoFile, (self._source,))
 
     def __len__(self) -> int:
         """Return the number of frames."""
-        return len(self._shown)
+        return len(self._frame_times)
 
     def frame(self, number: int) -> Image:
         """Return a frame, (rows, cols) grey or (rows, cols, 3) RGB, uint8, by its number, from 0.
@@ -89,9 +90,9 @@ class VideoFile:
             A damaged frame; others are not affected.
         """
         self._check(number)
-        with self._turn:
+        with self._lock:
             try:
-                frame = self._decoded(number)
+                frame = self._decode(number)
                 grey = frame.format.name.startswith("gray")
                 return np.ascontiguousarray(frame.to_ndarray(format="gray" if grey else "rgb24"))
             except (av.FFmpegError, ValueError, EOFError) as error:
@@ -127,16 +128,16 @@ class VideoFile:
             name = quote(context.name if context else "unknown")
             raise ValueError(f"The {WHAT} is coded as {name}; H.264, H.265, AV1, VP9 and Motion JPEG are decoded.")
         check_pixels(context.width, context.height, WHAT)
-        # Frames may grow within a stream: FFmpeg refuses one beyond this before it allocates memory for it.
+        # Frames may grow within a stream: FFmpeg refuses a larger one before it allocates memory for it.
         context.options = {"max_pixels": str(limits().max_pixels), "err_detect": "explode"}
         context.thread_count = 1  # leaves the cores to the matching
         return stream
 
-    def _indexed(self) -> tuple[list[int], list[int]]:
-        """Return the sorted times of all frames, and of those at which decoding can begin, in units of the stream."""
-        most, most_s = limits().max_frames, limits().max_video_s
-        shown: list[int] = []
-        keys: list[int] = []
+    def _index(self) -> tuple[list[int], list[int]]:
+        """Return the sorted times of all frames, and those of keyframes, in units of the stream."""
+        max_frames, max_s = limits().max_frames, limits().max_video_s
+        times: list[int] = []
+        keyframe_times: list[int] = []
         try:
             for packet in self._container.demux(self._stream):
                 if packet.size == 0 or packet.is_discard:
@@ -144,28 +145,28 @@ class VideoFile:
                 time = packet.pts if packet.pts is not None else packet.dts
                 if time is None:
                     raise ValueError(f"The {WHAT} does not say when its frames are shown; save it as MP4.")
-                shown.append(time)
+                times.append(time)
                 if packet.is_keyframe:
-                    keys.append(time)
-                if len(shown) > most:
-                    raise ValueError(f"The {WHAT} holds more than {most:,} frames, the most that is accepted.")
+                    keyframe_times.append(time)
+                if len(times) > max_frames:
+                    raise ValueError(f"The {WHAT} holds more than {max_frames:,} frames, the most that is accepted.")
         except av.FFmpegError as error:
-            if not shown:
+            if not times:
                 raise ValueError(DAMAGED) from error
-        if not shown or not keys:
+        if not times or not keyframe_times:
             raise ValueError(DAMAGED)
-        seconds = (max(shown) - min(shown)) * float(self._stream.time_base or 0)
-        if seconds > most_s:
-            raise ValueError(f"The {WHAT} is {seconds:,.0f} s long; at most {most_s:,} s are accepted.")
-        return sorted(set(shown)), sorted(keys)
+        seconds = (max(times) - min(times)) * float(self._stream.time_base or 0)
+        if seconds > max_s:
+            raise ValueError(f"The {WHAT} is {seconds:,.0f} s long; at most {max_s:,} s are accepted.")
+        return sorted(set(times)), sorted(keyframe_times)
 
-    def _decoded(self, number: int) -> VideoFrame:
-        wanted = self._shown[number]
+    def _decode(self, number: int) -> VideoFrame:
+        wanted = self._frame_times[number]
         if self._frames is None or number != self._next:
-            place = bisect_right(self._keys, wanted) - 1
-            self._container.seek(self._keys[max(place, 0)], stream=self._stream, backward=True)
-            self._frames = self._walk()
-        past = 0
+            place = bisect_right(self._keyframe_times, wanted) - 1
+            self._container.seek(self._keyframe_times[max(place, 0)], stream=self._stream, backward=True)
+            self._frames = self._decoded_frames()
+        later_frames = 0
         for frame in self._frames:
             time = frame.pts if frame.pts is not None else frame.dts
             if time == wanted:
@@ -173,12 +174,12 @@ class VideoFile:
                 if frame.is_corrupt:
                     raise ValueError("decoded from damaged packets")
                 return frame
-            past += time is not None and time > wanted
-            if past > _PATIENCE_PACKETS:
+            later_frames += time is not None and time > wanted
+            if later_frames > _MAX_LATER_FRAMES:
                 break
-        raise ValueError("it never came")
+        raise ValueError("the frame is missing")
 
-    def _walk(self) -> Iterator[VideoFrame]:
+    def _decoded_frames(self) -> Iterator[VideoFrame]:
         """Yield decoded frames from the container's current position, in the order in which they are shown."""
         context = self._stream.codec_context
         context.flush_buffers()
@@ -190,13 +191,13 @@ class VideoFile:
 
 
 class GuardedVideo(VideoFile):
-    """A stranger's video, which a worker of the guard opens and decodes; otherwise as :class:`VideoFile`."""
+    """An untrusted video, which a worker of the guard opens and decodes; otherwise as :class:`VideoFile`."""
 
     def __init__(self, source: Source) -> None:
         self._source = read_bytes(source, WHAT)
         self._guarded = GuardedObject(VideoFile, self._source)
-        facts: tuple[int, int, int, float] = self._guarded.ask(_facts)
-        self._count, self.width, self.height, self.frame_rate = facts
+        properties: tuple[int, int, int, float] = self._guarded.ask(_properties)
+        self._count, self.width, self.height, self.frame_rate = properties
 
     def __reduce__(self) -> tuple[Any, ...]:
         return GuardedVideo, (self._source,)
@@ -212,11 +213,11 @@ class GuardedVideo(VideoFile):
         return image
 
 
-def _facts(video: VideoFile) -> tuple[int, int, int, float]:
+def _properties(video: VideoFile) -> tuple[int, int, int, float]:
     return len(video), video.width, video.height, video.frame_rate
 
 
 @lru_cache(maxsize=8)
-def _opened_once(path: Path) -> VideoFile:
-    """Return the video at a path, opened only once by a worker process that reads frame after frame."""
+def _open_once(path: Path) -> VideoFile:
+    """Return the video at a path, which a worker process that reads frame after frame opens only once."""
     return VideoFile(path)

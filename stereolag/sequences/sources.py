@@ -27,7 +27,7 @@ from stereolag.io.guard import Guard, guarded, unguarded
 from stereolag.io.images import read_image
 from stereolag.io.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, left_alone, matched_pairs, natural_order
 from stereolag.io.sources import Archive, Source, beginning, is_archive, quote, read_archive
-from stereolag.io.videos import LEAST_RATE, MOST_RATE, VIDEO_ENDINGS, GuardedVideo, VideoFile
+from stereolag.io.videos import RATE_LIMITS_HZ, VIDEO_SUFFIXES, GuardedVideo, VideoFile
 from stereolag.samples import DriveExample
 
 USUAL_RATE = 10.0
@@ -294,13 +294,14 @@ def open_sequence(
         frames, pixels or seconds than the limits in force.
     """
     video = VideoFile if guard is unguarded else GuardedVideo
-    if frame_rate is not None and not LEAST_RATE <= frame_rate <= MOST_RATE:
-        raise ValueError(f"frame_rate is {frame_rate} Hz; allowed are {LEAST_RATE} to {MOST_RATE} Hz.")
+    lowest, highest = RATE_LIMITS_HZ
+    if frame_rate is not None and not lowest <= frame_rate <= highest:
+        raise ValueError(f"frame_rate is {frame_rate} Hz; allowed are {lowest} to {highest} Hz.")
     if right is None:
         sequence = _of_one(left, frame_rate, guard, video, layout)
     elif layout is not None:
         raise ValueError("A layout is that of one video with both views; these are two.")
-    elif isinstance(left, str | PathLike) and (Path(left).is_dir() or _ending(Path(left)) not in VIDEO_ENDINGS):
+    elif isinstance(left, str | PathLike) and (Path(left).is_dir() or _ending(Path(left)) not in VIDEO_SUFFIXES):
         lefts, rights = _pictures(left, PICTURE_ENDINGS), _pictures(right, PICTURE_ENDINGS)
         truths = [] if truth is None else _pictures(truth, TRUTH_ENDINGS)
         partners = _partners(lefts, rights, "right pictures")
