@@ -29,8 +29,6 @@ MAX_GAPS_NAMED = 3
 
 MAX_RATIO_TERM = 100_000
 """Largest term in the ratio of two sampling rates: the resampling filter is twenty times as long."""
-MAX_RESAMPLING_SLIP = 0.5
-"""Error at the end of a recording, samples, that rounding the ratio of two rates to such terms may cause."""
 
 MAX_FLOAT64_SAMPLES = 30_000_000
 """Samples of all channels above which a recording is kept as float32 (24 bits): 11 minutes at 44.1 kHz."""
@@ -125,8 +123,10 @@ class Recording:
     def remarks(self) -> list[str]:
         """Repairs, gaps, start and track of the recording: short phrases."""
         phrases = [f"{counted(self.mended_lines, 'damaged line')} mended"] if self.mended_lines else []
-        for gap in self.gaps[:MAX_GAPS_NAMED]:
-            phrases.append(f"{four_digits(gap.length_s)} s missing after {gap.start_s:.6g} s, filled")
+        phrases += [
+            f"{four_digits(gap.length_s)} s missing after {gap.start_s:.6g} s, filled"
+            for gap in self.gaps[:MAX_GAPS_NAMED]
+        ]
         if len(self.gaps) > MAX_GAPS_NAMED:
             phrases.append(f"{len(self.gaps)} gaps of {four_digits(sum(gap.length_s for gap in self.gaps))} s in total")
         if self.epoch != "start":
@@ -158,7 +158,7 @@ class Recording:
             return self
         ratio = Fraction(sampling_rate) / Fraction(self.sampling_rate)
         rounded = ratio.limit_denominator(min(MAX_RATIO_TERM, max(1, int(MAX_RATIO_TERM / ratio))))
-        if not rounded or abs(rounded / ratio - 1) * self.channels.shape[1] > MAX_RESAMPLING_SLIP:
+        if not rounded or abs(rounded / ratio - 1) * self.channels.shape[1] > 0.5:  # samples at the end
             raise ValueError(
                 f"The {WHAT} has {self.sampling_rate:,.10g} samples a second and {sampling_rate:,.10g} are asked for; "
                 f"their ratio is {ratio.numerator} : {ratio.denominator}, and numbers up to {MAX_RATIO_TERM:,} are "
@@ -237,8 +237,9 @@ def chosen_track(tracks: Sequence[str], track: int | str) -> int:
     number = tracks.index(name) + 1 if name in tracks else int(name) if name.isascii() and name.isdigit() else 0
     if not 1 <= number <= len(tracks):
         existing = ", ".join(map(quote, tracks[:MAX_CHANNELS]))
-        verb = "are" if len(tracks) > 1 else "is"
-        raise ValueError(f"The {WHAT} has no track {quote(name)}; there {verb} {existing}.")
+        raise ValueError(
+            f"The {WHAT} has no track {quote(name)}; there {'are' if len(tracks) > 1 else 'is'} {existing}."
+        )
     return number
 
 

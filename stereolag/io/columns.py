@@ -272,18 +272,17 @@ def _layout(text: str, with_comments: str) -> _Layout | None:
     heading = [line.strip().lstrip("#%/ \t") for line in itertools.islice(io.StringIO(with_comments), best.first - 1)]
     heading = [line for line in heading if line and not (len(best.kinds) > 1 and _SECTION_TITLE.fullmatch(line))]
     heading = heading[-MAX_OTHER_LINES:]
-    best = _with_sensors(best, [line for _, line in probed])
     rows = [row for row in _split_fields([line for _, line in probed], best.separator) if _is_row(row, best)]
-    columns = ([row[column].strip() for row in rows if len(row) > column] for column in range(len(best.kinds)))
+    columns = [[row[column].strip() for row in rows if len(row) > column] for column in range(len(best.kinds))]
     marks = tuple(_thousands_mark_of_column(texts, best.separator) for texts in columns)
-    return replace(best, heading=tuple(heading), names=_column_names(heading, best), marks=marks)
+    best = replace(best, heading=tuple(heading), names=_column_names(heading, best), marks=marks)
+    return _with_sensors(best, columns)
 
 
-def _with_sensors(layout: _Layout, lines: Sequence[str]) -> _Layout:
+def _with_sensors(layout: _Layout, columns: Sequence[Sequence[str]]) -> _Layout:
     """Return a layout with its sensors, if the words of a column take turns in a fixed order."""
-    rows = [row for row in _split_fields(lines, layout.separator) if _is_row(row, layout)]
     for column in layout.columns_of("word"):
-        words = [row[column].strip() for row in rows if len(row) > column]
+        words = columns[column]
         sensors = tuple(dict.fromkeys(words))
         in_turn = [word == later for word, later in zip(words, words[len(sensors) :], strict=False)]
         are_enough = 1 < len(sensors) <= MAX_SENSORS and len(in_turn) >= MIN_ROWS
@@ -527,9 +526,9 @@ def _without_sentinels(table: npt.NDArray[np.float64]) -> npt.NDArray[np.float64
     for column in table:
         for extreme in (np.nanmin(column), np.nanmax(column)) if np.isfinite(column).any() else ():
             rest = column[(column != extreme) & np.isfinite(column)]
-            if not _SENTINEL.fullmatch(f"{extreme:.10g}") or rest.size < MIN_ROWS:
-                continue
-            if 0 < np.ptp(rest) < np.abs(rest - extreme).min():  # not one of two values, as of a trigger
+            may_be_sentinel = _SENTINEL.fullmatch(f"{extreme:.10g}") and rest.size >= MIN_ROWS
+            # A trigger has only two values, one of which may look like a sentinel.
+            if may_be_sentinel and 0 < np.ptp(rest) < np.abs(rest - extreme).min():
                 column[column == extreme] = np.nan
     return table
 

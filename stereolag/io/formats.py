@@ -70,9 +70,11 @@ SOUND_FORMATS = (
 )
 
 
-ARRAY_SUFFIXES = ("npy", "npz", "mat")
-COLUMN_SUFFIXES = ("csv", "txt", "tsv", "dat", "asc", "lvm", "log", "json", "jsonl")
-RECORDING_SUFFIXES = (*(ending for one in SOUND_FORMATS for ending in one.suffixes), *ARRAY_SUFFIXES, *COLUMN_SUFFIXES)
+RECORDING_SUFFIXES = (
+    *(suffix for one in SOUND_FORMATS for suffix in one.suffixes),
+    *("npy", "npz", "mat"),
+    *("csv", "txt", "tsv", "dat", "asc", "lvm", "log", "json", "jsonl"),
+)
 ACCEPTED = (
     f"{', '.join(one.name for one in SOUND_FORMATS if one.is_audio)}; the sound of MP4, M4A, MOV, MKV, WebM, AVI, AAC, "
     "3GP, AMR, Windows Media, FLV and MPEG; NPY, NPZ and MAT; and columns of numbers (CSV, TXT)"

@@ -242,9 +242,8 @@ class _WorkerPool:
             self._in_use.move_to_end(id(guarded_object))
             excess = max(0, len(self._in_use) - MAX_OPEN_FILES)
             oldest = [self._in_use.popitem(last=False)[1]() for _ in range(excess)]
-        for unused in oldest:
-            if unused is not None:
-                unused.close()
+        for unused in filter(None, oldest):
+            unused.close()
 
 
 _pool = _WorkerPool()

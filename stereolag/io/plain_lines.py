@@ -145,8 +145,10 @@ def without_nuls(text: str) -> tuple[str, int]:
 
 def with_plain_values(text: str) -> str:
     """Return a text with its times and numbers in common notation, without currency signs and marks of logs."""
-    size_with_colon = SEARCHED_SIZE if ":" in text else 0
-    for patterns, size in ((_RARE_STAMPS, size_with_colon), (_STAMPS_WITHOUT_COLON, SEARCHED_SIZE_NO_COLON)):
+    for patterns, size in (
+        (_RARE_STAMPS, SEARCHED_SIZE if ":" in text else 0),
+        (_STAMPS_WITHOUT_COLON, SEARCHED_SIZE_NO_COLON),
+    ):
         for pattern, replacement in patterns:
             if pattern.search(text, 0, size):
                 text = pattern.sub(replacement, text)

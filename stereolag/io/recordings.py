@@ -24,14 +24,7 @@ from stereolag.io.column_clocks import is_time_heading, recording_from_table, ti
 from stereolag.io.columns import MAX_STATED, MIN_STATED, read_columns
 from stereolag.io.formats import UNPACK, WHAT, check_text, sound_format
 from stereolag.io.sounds import read_sound
-from stereolag.io.sources import (
-    HEADER_BYTES,
-    Source,
-    beginning,
-    is_archive,
-    read_archive,
-    read_bytes,
-)
+from stereolag.io.sources import Source, beginning, is_archive, read_archive, read_bytes
 from stereolag.io.stamps import read_stamps
 
 if TYPE_CHECKING:
@@ -85,23 +78,18 @@ def read_signal(source: Source, *, track: int | str = 1) -> Recording:
     >>> recording.channels.shape, recording.sampling_rate  # (channels, samples), Hz
     ((1, 176401), 44100.0)
     """
-    path = Path(source) if isinstance(source, str | PathLike) else None
-    if path is not None:
-        head = beginning(path)
-        form = sound_format(head)
-    # An hour of audio has more bytes than `read_bytes` accepts.
-    if path is None or form is None:
-        data = read_bytes(source, WHAT)
-        head = data[:HEADER_BYTES]
-        form = sound_format(head)
-    if form is not None:
-        recording = read_sound(path or data, form, track)
+    file = Path(source) if isinstance(source, str | PathLike) else read_bytes(source, WHAT)
+    head = beginning(file)
+    form = sound_format(head)
+    if form is not None:  # by its path, since an hour of audio has more bytes than `read_bytes` accepts
+        recording = read_sound(file, form, track)
         bad = sum(channel.size - int(np.isfinite(channel).sum()) for channel in recording.channels)
         if bad:
             raise ValueError(
                 f"The {WHAT} holds {counted(bad, 'NaN or infinite sample')}; every sample must be a finite number."
             )
         return recording
+    data = read_bytes(file, WHAT)
     if data.startswith(NPY_MAGIC):
         return _from_arrays({"1": parse_npy(data, WHAT)}, track, "NPY")
     if is_archive(data):

@@ -61,7 +61,6 @@ _DECODED_CODINGS = (1, 3, 6, 7, 0xFFFE)
 _DEMUXERS_WITH_LENGTH = ("mov", "flac")
 """Formats whose length FFmpeg reads from the file instead of estimating it."""
 
-MICROSECONDS_PER_S = 1_000_000
 _MIN_GAP_S = 0.1
 """Delay between frames above which sound is missing; shorter delays come from the rounding of times."""
 
@@ -125,12 +124,6 @@ class _SplicedStream(io.RawIOBase):
         super().__init__()
         self._stream, self._head, self._start, self._place = stream, head, start, 0
         self._size = len(head) + stream.seek(0, io.SEEK_END) - start
-
-    def readable(self) -> bool:
-        return True
-
-    def seekable(self) -> bool:
-        return True
 
     def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
         place = offset + (0, self._place, self._size)[whence]
@@ -197,8 +190,7 @@ class _WavHeader:
 
     def __init__(self, stream: BinaryIO) -> None:
         size, self._stream = stream.seek(0, io.SEEK_END), stream
-        self._magic = self._read_at(0, 4)
-        self._order: Literal["little", "big"] = "big" if self._magic == b"RIFX" else "little"
+        self._order: Literal["little", "big"] = "big" if self._read_at(0, 4) == b"RIFX" else "little"
         self.layout, self.start, self.stated, self.present = b"", 0, 0, 0
         offset, lacks_padding, size_64 = 12, False, 0
         for _ in range(MAX_CHUNKS):
@@ -218,8 +210,9 @@ class _WavHeader:
                 unpadded = self._chunk(offset)[0] in _CHUNK_NAMES and self._chunk(offset + 1)[0] not in _CHUNK_NAMES
                 lacks_padding, offset = lacks_padding or unpadded, offset + (not unpadded)
         is_understated = self.stated < self.present and not self._is_end(self.start + self.stated, size)
-        contradicts = self.stated > self.present or is_understated or lacks_padding
-        self.is_inconsistent = self.present > 0 and bool(self.layout) and contradicts
+        self.is_inconsistent = bool(self.layout and self.present > 0) and (
+            self.stated > self.present or is_understated or lacks_padding
+        )
 
     def _read_at(self, offset: int, count: int) -> bytes:
         self._stream.seek(offset)
@@ -315,7 +308,7 @@ def _decode_stream(container: InputContainer, stream: AudioStream) -> Recording:
     gaps: list[Gap] = []
     faults: list[Exception] = []
     sample_count, rate, channel_count = 0, 0, 0
-    start_s = (container.start_time or 0) / MICROSECONDS_PER_S
+    start_s = (container.start_time or 0) / 1_000_000  # FFmpeg counts microseconds
     for frame in _decode_frames(container, stream, faults):
         block = _frame_samples(frame)
         if not rate:

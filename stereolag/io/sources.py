@@ -96,15 +96,12 @@ def check_pixels(width: int, height: int, what: str) -> None:
         )
 
 
-_ROUND_BRACKETS = str.maketrans("[]", "()")
-
-
 def quote(text: str) -> str:
     """Return the start of `text` in quotes, harmless in an error shown as Markdown or HTML.
 
     Square brackets, which loggers put around units, become round, since they are active in Markdown.
     """
-    start = re.sub(r"[^\w .,:;+=()°%/-]|//+", "?", text[:24].translate(_ROUND_BRACKETS))
+    start = re.sub(r"[^\w .,:;+=()°%/-]|//+", "?", text[:24].replace("[", "(").replace("]", ")"))
     return f"“{start}…”" if len(text) > 24 else f"“{start}”"
 
 
@@ -154,7 +151,6 @@ _END_RECORD_BYTES, _MAX_COMMENT_BYTES = 22, 65_535
 _ZIP64_LOCATOR_MAGIC = b"PK\x06\x07"
 _ZIP64_LOCATOR_BYTES = 20
 _ENCRYPTED_FLAG = 1
-_METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,7 +249,9 @@ def _member_faults(member: zipfile.ZipInfo) -> dict[str, bool]:
             ".." in parts or name.startswith(("/", "\\")) or ":" in parts[0]
         ),
         "is encrypted; pack it without a password": bool(member.flag_bits & _ENCRYPTED_FLAG),
-        "is packed by a method other than “deflate”": member.compress_type not in _METHODS,
+        "is packed by a method other than “deflate”": (
+            member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+        ),
     }
 
 

@@ -34,7 +34,7 @@ CODECS = frozenset(["h264", "hevc", "av1", "libdav1d", "vp8", "vp9", "mpeg4", "m
 DEFAULT_RATE_HZ = 10.0
 """Frame rate of a video that states no plausible one, Hz."""
 
-RATE_LIMITS_HZ = (0.01, 1000)
+MIN_RATE_HZ, MAX_RATE_HZ = 0.01, 1000
 """Range of plausible frame rates."""
 
 _DEMUXERS = ("mov", "matroska", "avi")
@@ -65,8 +65,7 @@ class VideoFile:
         self.width, self.height = stream.codec_context.width, stream.codec_context.height
         """px."""
         rate = stream.average_rate or stream.guessed_rate
-        lowest, highest = RATE_LIMITS_HZ
-        self.frame_rate = float(rate) if rate and lowest <= rate <= highest else DEFAULT_RATE_HZ
+        self.frame_rate = float(rate) if rate and MIN_RATE_HZ <= rate <= MAX_RATE_HZ else DEFAULT_RATE_HZ
         """Hz."""
         self._frame_times, self._keyframe_times = self._index()
 

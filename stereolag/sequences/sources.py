@@ -27,7 +27,7 @@ from stereolag.io.guard import Guard, guarded, unguarded
 from stereolag.io.images import read_image
 from stereolag.io.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, left_alone, matched_pairs, natural_order
 from stereolag.io.sources import Archive, Source, beginning, is_archive, quote, read_archive
-from stereolag.io.videos import RATE_LIMITS_HZ, VIDEO_SUFFIXES, GuardedVideo, VideoFile
+from stereolag.io.videos import MAX_RATE_HZ, MIN_RATE_HZ, VIDEO_SUFFIXES, GuardedVideo, VideoFile
 from stereolag.samples import DriveExample
 
 USUAL_RATE = 10.0
@@ -294,9 +294,8 @@ def open_sequence(
         frames, pixels or seconds than the limits in force.
     """
     video = VideoFile if guard is unguarded else GuardedVideo
-    lowest, highest = RATE_LIMITS_HZ
-    if frame_rate is not None and not lowest <= frame_rate <= highest:
-        raise ValueError(f"frame_rate is {frame_rate} Hz; allowed are {lowest} to {highest} Hz.")
+    if frame_rate is not None and not MIN_RATE_HZ <= frame_rate <= MAX_RATE_HZ:
+        raise ValueError(f"frame_rate is {frame_rate} Hz; allowed are {MIN_RATE_HZ} to {MAX_RATE_HZ} Hz.")
     if right is None:
         sequence = _of_one(left, frame_rate, guard, video, layout)
     elif layout is not None:
