@@ -50,7 +50,7 @@ def filmed(
     gap: tuple[int, int] = (0, 0),
     picture: bool = False,
 ) -> bytes:
-    """Return a file of FFmpeg with one mono track per array, `late` samples late, the samples of `gap` left out."""
+    """Return a file written by FFmpeg: a mono track per array, delayed by `late` samples, without those in `gap`."""
     stream = io.BytesIO()
     with av.open(stream, "w", format=kind) as container:
         film = container.add_stream("mpeg4", rate=10, width=16, height=16) if picture else None
