@@ -51,8 +51,8 @@ def parse_npy(data: bytes, what: str, kinds: str = "biuf") -> npt.NDArray[Any]:
     except Exception as error:  # the header is a Python literal, and can be broken in all kinds of ways
         raise ValueError(f"The {what} begins like an .npy file, but its header cannot be read.") from error
     if dtype.kind not in kinds or dtype.itemsize > 8:
-        held = "records of several fields" if dtype.names else dtype.name
-        raise ValueError(f"The {what} (.npy) holds {held}; allowed are integers and floats.")
+        content = "records of several fields" if dtype.names else dtype.name
+        raise ValueError(f"The {what} (.npy) holds {content}; allowed are integers and floats.")
     offset, count = stream.tell(), math.prod(shape)
     if count * dtype.itemsize > len(data) - offset:
         announced = f"{min(count, 10**30):.15g} numbers of {dtype.name}"

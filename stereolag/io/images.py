@@ -1,4 +1,4 @@
-"""Images as files, read from untrusted bytes by Pillow, OpenCV and an own reader of Netpbm, and written."""
+"""Images as files, read from untrusted bytes by Pillow, OpenCV or the Netpbm parser here, and written."""
 
 from __future__ import annotations
 
