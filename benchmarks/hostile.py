@@ -13,15 +13,14 @@ from dataclasses import asdict, dataclass
 from benchmarks.hostile_files import READ, READERS, hostile_files, valid_files
 from benchmarks.memory import peak_mb, reset_peak, resident_mb
 from stereolag.core.jobs import set_defaults
-from stereolag.io.guard import PATIENCE, READING_S, guarded, start_guard
+from stereolag.io.guard import MAX_CPU_S, WALL_CLOCK_FACTOR, guarded, start_guard
 
-MAX_CPU_S = 5.0
-"""Largest processor time of the server for one file, s."""
-
-MAX_WAITED_S = PATIENCE * READING_S + 1
-"""Largest elapsed time for one file on a busy machine, with the end of a worker, s; on an idle one `READING_S`."""
-
-MAX_MB = 500.0
+MAX_SERVER_CPU_S = 5.0
+"""Processor time of the server for one file."""
+MAX_WAIT_S = WALL_CLOCK_FACTOR * MAX_CPU_S + 1
+"""Elapsed time for one file on a busy machine, with that to end a worker; on an idle one `MAX_CPU_S`."""
+MAX_EXTRA_MB = 500.0
+"""Rise of the server's memory for one file."""
 
 
 @dataclass(frozen=True)
@@ -31,14 +30,14 @@ class Reading:
     Attributes
     ----------
     name, reader
-        Names of the file and of its reader.
+        The file's name and the name of its reader.
     file_mb, waited_s, seconds, extra_mb
-        The file's size, MB; the elapsed time, s; the processor time of the server, s; and the rise of its memory above
-        the level with the file loaded, MB.
+        The file's size, the elapsed time, the server's processor time, and the rise of its memory above the level with
+        the file loaded.
     answer
         "read" and the shape of the result, or the sentence that refuses the file.
     fault
-        The problem found; "" for none.
+        The fault of the reader, "" if there is none.
     """
 
     name: str
@@ -57,15 +56,15 @@ def measured(name: str, reader: str, data: bytes, expected: str = "") -> Reading
     reset_peak()
     start, processor = time.perf_counter(), time.process_time()
     try:
-        found = guarded(READERS[reader])(data)
-        found = getattr(found, "channels", found)
-        answer = f"read {getattr(found, 'shape', '')} {getattr(found, 'dtype', '')}".strip()
+        content = guarded(READERS[reader])(data)
+        array = getattr(content, "channels", content)
+        answer = f"read {getattr(array, 'shape', '')} {getattr(array, 'dtype', '')}".strip()
     except ValueError as error:
         answer = str(error)
     except Exception as error:
         answer = f"failed: {error}"
     waited, seconds, extra = time.perf_counter() - start, time.process_time() - processor, peak_mb() - before
-    fault = "slow" if waited > MAX_WAITED_S or seconds > MAX_CPU_S else "large" if extra > MAX_MB else ""
+    fault = "slow" if waited > MAX_WAIT_S or seconds > MAX_SERVER_CPU_S else "large" if extra > MAX_EXTRA_MB else ""
     fault = fault or _unexpected(answer, expected)
     return Reading(name, reader, len(data) / 1e6, waited, seconds, extra, answer, fault)
 
@@ -81,7 +80,7 @@ def _unexpected(answer: str, expected: str) -> str:
 
 def hostile_table(pattern: str = "") -> tuple[str, list[dict[str, object]]]:
     """Return the table as Markdown and its rows."""
-    _be_a_server()
+    _start_server()
     lines = [
         "| file | reader | MB | waited, s | server, s | server, MB | answer | |",
         "|---|---|---|---|---|---|---|---|",
@@ -89,28 +88,30 @@ def hostile_table(pattern: str = "") -> tuple[str, list[dict[str, object]]]:
     readings = []
     for file in hostile_files().values():
         if re.search(pattern, file.name):
-            one = measured(file.name, file.reader, file.make(), file.answer)
-            readings.append(one)
+            reading = measured(file.name, file.reader, file.make(), file.answer)
+            readings.append(reading)
             lines.append(
-                f"| {one.name} | {one.reader} | {one.file_mb:.3g} | {one.waited_s:.2f} | {one.seconds:.2f} |"
-                f" {one.extra_mb:.0f} | {one.answer.replace('|', '/')} | {one.fault} |"
+                f"| {reading.name} | {reading.reader} | {reading.file_mb:.3g} | {reading.waited_s:.2f} |"
+                f" {reading.seconds:.2f} | {reading.extra_mb:.0f} | {reading.answer.replace('|', '/')} |"
+                f" {reading.fault} |"
             )
-    slowest = max(readings, key=lambda one: one.waited_s)
-    largest = max(readings, key=lambda one: one.extra_mb)
+    slowest = max(readings, key=lambda reading: reading.waited_s)
+    largest = max(readings, key=lambda reading: reading.extra_mb)
+    faults = sum(bool(reading.fault) for reading in readings)
     lines.append(
-        f"\n{len(readings)} files, {sum(bool(one.fault) for one in readings)} with a fault. Slowest: {slowest.name}, "
+        f"\n{len(readings)} files, {faults} with a fault. Slowest: {slowest.name}, "
         f"{slowest.waited_s:.1f} s; most memory: {largest.name}, {largest.extra_mb:.0f} MB."
     )
-    return "\n".join(lines), [asdict(one) for one in readings]
+    return "\n".join(lines), [asdict(reading) for reading in readings]
 
 
-def _be_a_server() -> None:
+def _start_server() -> None:
     set_defaults(max_megasamples=30)
     start_guard()
 
 
 def mutated(original: bytes, chance: random.Random) -> bytes:
-    """Return a valid file with some bytes changed, removed, inserted, repeated or truncated."""
+    """Return a valid file with some bytes changed, cut out, inserted, repeated or cut off."""
     data = bytearray(original)
     for _ in range(chance.choice([1, 1, 1, 2, 4])):
         place = chance.randint(0, min(len(data), chance.choice([40, 200, 10**6])))
@@ -132,8 +133,8 @@ def mutated(original: bytes, chance: random.Random) -> bytes:
 
 
 def fuzz(minutes: float, seed: int) -> bool:
-    """Read mutated files for some minutes, print the outcome, and return whether there was no fault."""
-    _be_a_server()
+    """Read mutated files for some minutes, print the outcome, and return whether there were no faults."""
+    _start_server()
     chance, valid, end = random.Random(seed), valid_files(), time.monotonic() + 60 * minutes
     counts: Counter[str] = Counter()
     faults: list[str] = []
@@ -141,14 +142,14 @@ def fuzz(minutes: float, seed: int) -> bool:
     while time.monotonic() < end:
         kind = chance.choice(list(valid))
         reader = chance.choice(["disparity", "disparity ÷ 4"]) if kind == "disparity" else kind
-        one = measured(f"seed {seed}, file {sum(counts.values())}", reader, mutated(chance.choice(valid[kind]), chance))
-        counts[f"{kind}: {'read' if one.answer.startswith('read') else 'refused'}"] += 1
-        slowest = one if slowest is None or one.waited_s > slowest.waited_s else slowest
-        largest = one if largest is None or one.extra_mb > largest.extra_mb else largest
-        if one.fault:
-            faults.append(
-                f"{one.name}, {reader}: {one.fault}, {one.waited_s:.1f} s, {one.extra_mb:.0f} MB, {one.answer}"
-            )
+        name = f"seed {seed}, file {sum(counts.values())}"
+        reading = measured(name, reader, mutated(chance.choice(valid[kind]), chance))
+        counts[f"{kind}: {'read' if reading.answer.startswith('read') else 'refused'}"] += 1
+        slowest = reading if slowest is None or reading.waited_s > slowest.waited_s else slowest
+        largest = reading if largest is None or reading.extra_mb > largest.extra_mb else largest
+        if reading.fault:
+            cost = f"{reading.waited_s:.1f} s, {reading.extra_mb:.0f} MB"
+            faults.append(f"{name}, {reader}: {reading.fault}, {cost}, {reading.answer}")
     print(f"{sum(counts.values()):,} mutated files, seed {seed}, {minutes:g} minutes")
     for name, count in sorted(counts.items()):
         print(f"  {name}: {count:,}")
@@ -162,9 +163,11 @@ def fuzz(minutes: float, seed: int) -> bool:
 def main() -> None:
     """Print the table, or fuzz."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.hostile", description=__doc__)
-    parser.add_argument("--only", default="", help="a pattern of the names of the files")
-    parser.add_argument("--fuzz", type=float, metavar="MINUTES", help="read mutated valid files for this time instead")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the fuzzing")
+    parser.add_argument("--only", default="", help="a regular expression for the names of the files")
+    parser.add_argument(
+        "--fuzz", type=float, metavar="MINUTES", help="read mutations of valid files for this long instead"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="the seed of the mutations")
     options = parser.parse_args()
     if options.fuzz is not None:
         sys.exit(not fuzz(options.fuzz, options.seed))

@@ -1,4 +1,4 @@
-"""Hostile files by name, each made on demand: bombs, false headers, slow and truncated files, and odd valid ones."""
+"""Hostile files by name, each made on demand: bombs, lying, slow and truncated files, and odd but legal ones."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ READERS: dict[str, Callable[[bytes], object]] = {
 
 @dataclass(frozen=True)
 class HostileFile:
-    """A hostile file: its name, its reader, and otherwise as a `Case`."""
+    """A hostile file: its name, the name of its reader, and its `Case`."""
 
     name: str
     reader: str
@@ -92,7 +92,7 @@ class HostileFile:
 
 
 def hostile_files() -> dict[str, HostileFile]:
-    """Return all hostile files by name, without making them."""
+    """Return all hostile files by name, without making any."""
     kinds = {
         "": ("image", images()),
         "recording: ": ("signal", signals()),
@@ -112,9 +112,9 @@ def valid_files() -> dict[str, list[bytes]]:
     rng = np.random.default_rng(RNG_SEED)
     pixels = rng.integers(0, 256, (9, 11, 3), dtype=np.uint8)
     deep = rng.integers(0, 65_536, (9, 11, 3), dtype=np.uint16)
-    held = Image.Exif()
-    held[274] = 6
-    pictures = [by_pillow(kind, pixels, exif=held) for kind in ("PNG", "JPEG", "TIFF", "WEBP", "AVIF", "HEIF")]
+    orientation = Image.Exif()
+    orientation[274] = 6
+    pictures = [by_pillow(kind, pixels, exif=orientation) for kind in ("PNG", "JPEG", "TIFF", "WEBP", "AVIF", "HEIF")]
     pictures += [by_pillow(kind, pixels) for kind in ("BMP", "PPM", "GIF")]
     pictures += [by_pillow("WEBP", pixels, lossless=True), jpeg(pixels, progressive=True), webp_frames(1)]
     pictures += [
@@ -128,9 +128,9 @@ def valid_files() -> dict[str, list[bytes]]:
     sounds = [
         sound(kind, samples=samples) for kind in ("WAV", "FLAC", "OGG", "MP3", "AIFF", "AU", "CAF", "W64", "RF64")
     ]
-    filming = (("mp4", "aac"), ("mov", "alac"), ("webm", "libopus"), ("matroska", "flac"), ("adts", "aac"))
-    filming += (("avi", "ac3"), ("mpegts", "mp2"), ("asf", "mp2"), ("mpeg", "ac3"))
-    sounds += [filmed(*kind, samples[:, 0].repeat(10), rate=48_000) for kind in filming]
+    codecs = (("mp4", "aac"), ("mov", "alac"), ("webm", "libopus"), ("matroska", "flac"), ("adts", "aac"))
+    codecs += (("avi", "ac3"), ("mpegts", "mp2"), ("asf", "mp2"), ("mpeg", "ac3"))
+    sounds += [filmed(*kind, samples[:, 0].repeat(10), rate=48_000) for kind in codecs]
     sounds += [filmed("amr", "libopencore_amrnb", samples[:, 0], rate=8000), zipped(samples), matlab(y=samples, fs=8e3)]
     sounds += [
         sound("WAV", kind, samples=samples[:, 0]) for kind in ("GSM610", "MS_ADPCM", "IMA_ADPCM", "ULAW", "FLOAT")

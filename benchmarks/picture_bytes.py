@@ -13,14 +13,13 @@ import numpy as np
 from PIL import Image
 from pillow_heif import register_heif_opener
 
-register_heif_opener()  # which writes HEIF, too
+register_heif_opener()  # so that Pillow also writes HEIF
 
 RNG_SEED = 7
 MB = 2**20
 
 Case: TypeAlias = tuple[Callable[[], bytes], str]
-"""A function that makes a file, and the expected result of its reader: `READ`, a pattern of the error, or "": any."""
-
+"""A function that makes a file, and the expected outcome: `READ`, a pattern of the error, or "" for either."""
 READ = "read"
 
 # PNG
@@ -69,7 +68,7 @@ def exif(kind: int, count: int, value: int) -> bytes:
 
 
 def overlapping_exif(size: int, tags: int = 5000) -> bytes:
-    """Return EXIF whose tags all refer to the same bytes: gigabytes if read one by one."""
+    """Return EXIF whose tags all refer to the same bytes: gigabytes if each is read."""
     body = b"II*\0\x08\0\0\0" + directory((40_000 + tag, 7, size, 8) for tag in range(tags))
     return body + bytes(max(0, size + 8 - len(body)))
 
@@ -215,7 +214,7 @@ def by_pillow(kind: str, pixels: np.ndarray | Image.Image, **options: Any) -> by
 
 
 def claiming(kind: str, side: int) -> bytes:
-    """Return an AVIF or HEIF of 64 × 64 pixels that claims this many a side."""
+    """Return an AVIF or HEIF of 64 × 64 pixels whose header claims `side` × `side`."""
     data = by_pillow(kind, noise(3, 64))
     sizes = data.index(b"ispe") + 8
     return data[:sizes] + 2 * side.to_bytes(4, "big") + data[sizes + 8 :]

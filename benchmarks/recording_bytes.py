@@ -50,7 +50,7 @@ def filmed(
     gap: tuple[int, int] = (0, 0),
     picture: bool = False,
 ) -> bytes:
-    """Return a file by FFmpeg with a mono track for each array, `late` samples late, without the samples of `gap`."""
+    """Return a file written by FFmpeg: a mono track per array, delayed by `late` samples, without those in `gap`."""
     stream = io.BytesIO()
     with av.open(stream, "w", format=kind) as container:
         film = container.add_stream("mpeg4", rate=10, width=16, height=16) if picture else None

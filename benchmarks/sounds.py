@@ -1,4 +1,4 @@
-"""Random sounds and slow signals, the sources of :mod:`benchmarks.recordings`."""
+"""Random sounds and slow signals, from which :mod:`benchmarks.recordings` makes recordings."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from scipy import signal
 Vector: TypeAlias = npt.NDArray[np.float64]
 Random: TypeAlias = np.random.Generator
 Source: TypeAlias = Callable[[int, float, Random], Vector]
-"""Function of a number of samples, a rate, Hz, and a random generator that returns a sound, (samples,)."""
+"""A function of a number of samples, the sampling rate, Hz, and a generator that returns (samples,) of a sound."""
 
-FLOOR = 1e-4
+NOISE_FLOOR = 1e-4
 """Level of the noise under sounds with pauses, so that nothing is constant."""
 
 
@@ -35,12 +35,12 @@ def red(size: int, colour: float, random: Random) -> Vector:
 
 
 def swelling(size: int, turns: int, depth: float, random: Random) -> Vector:
-    """Return a level around 1 that changes `turns` times."""
+    """Return a level around 1, interpolated between `turns` random values."""
     return np.abs(1 + depth * np.interp(np.arange(size), np.linspace(0, size, turns), random.normal(size=turns)))
 
 
 def harmonics(phase: Vector, levels: Vector, random: Random) -> Vector:
-    """Return harmonics of a phase (radians) with these levels, the fundamental first, each shifted at random."""
+    """Return harmonics of a phase (radians) with these levels, the fundamental first, each with a random phase."""
     turn, tone, total = np.exp(1j * phase), np.ones(phase.size, dtype=np.complex128), np.zeros(phase.size)
     for level in levels.tolist():
         tone *= turn
@@ -55,7 +55,7 @@ def ringing(size: int, rate: float, pitch: float, width: float) -> Vector:
 
 
 def add(sound: Vector, start: int, event: Vector) -> None:
-    """Add an event to a sound, in place, clipped at its ends."""
+    """Add an event to a sound in place, cut off at its ends."""
     begin, stop = max(0, start), min(sound.size, start + event.size)
     if begin < stop:
         sound[begin:stop] += event[begin - start : stop - start]
@@ -63,7 +63,7 @@ def add(sound: Vector, start: int, event: Vector) -> None:
 
 def speech(size: int, rate: float, random: Random) -> Vector:
     """Return buzzes and hisses through three formants each, with pauses."""
-    sound, start = FLOOR * random.normal(size=size), 0
+    sound, start = NOISE_FLOOR * random.normal(size=size), 0
     while start < size:
         if random.random() < 0.2:
             start += int(rate * random.uniform(0.03, 0.3))
@@ -75,7 +75,7 @@ def speech(size: int, rate: float, random: Random) -> Vector:
             vibrato = 1 + 0.05 * np.sin(2 * np.pi * random.uniform(2, 6) * time / rate + random.uniform(0, 6))
             half = np.pi * pitch * np.cumsum(vibrato + 0.005 * random.normal(size=time.size)) / rate + 1e-6
             count = 2 * int(min(0.45 * rate, 4500) // pitch) + 1
-            # All harmonics of one level in closed form: a train of pulses.
+            # All harmonics with the same level in closed form: a train of pulses.
             syllable = np.sin(count * half) / np.sin(half) - 1
         for _ in range(3):
             formant, width = random.uniform(300, min(3500, 0.45 * rate)), random.uniform(60, 250)
@@ -94,7 +94,7 @@ def crowd(size: int, rate: float, random: Random) -> Vector:
 
 def music(size: int, rate: float, random: Random) -> Vector:
     """Return notes with harmonics and drum beats on a rhythm."""
-    sound, beat, at = FLOOR * random.normal(size=size), random.uniform(0.15, 0.5), 0.0
+    sound, beat, at = NOISE_FLOOR * random.normal(size=size), random.uniform(0.15, 0.5), 0.0
     while at * rate < size:
         for _ in range(random.integers(1, 4)):
             pitch = 110 * 2 ** (random.integers(0, 36) / 12)
@@ -142,7 +142,7 @@ def engine(size: int, rate: float, random: Random) -> Vector:
 
 def claps(size: int, rate: float, random: Random) -> Vector:
     """Return short bursts of noise at random times, about one a second."""
-    sound, time = 10 * FLOOR * random.normal(size=size), np.arange(int(0.05 * rate)) / rate
+    sound, time = 10 * NOISE_FLOOR * random.normal(size=size), np.arange(int(0.05 * rate)) / rate
     for start in random.integers(0, size, max(3, int(size / rate * random.uniform(0.8, 2)))).tolist():
         burst = random.normal(size=time.size) * np.exp(-time / random.uniform(0.003, 0.01))
         add(sound, start, random.uniform(0.3, 1) * burst)
@@ -151,7 +151,7 @@ def claps(size: int, rate: float, random: Random) -> Vector:
 
 def footsteps(size: int, rate: float, random: Random) -> Vector:
     """Return the steps of one walker, heel and toe, at a pace that varies by some per cent."""
-    sound, pace, at = 10 * FLOOR * random.normal(size=size), random.uniform(0.4, 0.7), random.uniform(0, 0.5)
+    sound, pace, at = 10 * NOISE_FLOOR * random.normal(size=size), random.uniform(0.4, 0.7), random.uniform(0, 0.5)
     floor = ringing(int(0.03 * rate), rate, random.uniform(80, 400), random.uniform(40, 100))
     while at * rate < size:
         for later, level in ((0.0, 1.0), (random.uniform(0.06, 0.1), 0.5)):

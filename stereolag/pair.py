@@ -37,7 +37,7 @@ from stereolag.geometry.rectification import (
 )
 from stereolag.io.disparities import read_disparity, read_stored_disparity
 from stereolag.io.ground_truth import truth_in_px
-from stereolag.io.guard import Door, guarded, unguarded
+from stereolag.io.guard import Guard, guarded, unguarded
 from stereolag.io.images import read_frame, read_image
 from stereolag.io.sources import MAX_BYTES, Source, escape, is_archive, quote, read_archive, read_bytes
 
@@ -307,7 +307,7 @@ class OneView(ValueError):  # noqa: N818
     """A picture that shows only one view."""
 
 
-def read_views(source: Source, layout: Layout | None = None, *, door: Door = unguarded) -> tuple[Image, Image, str]:
+def read_views(source: Source, layout: Layout | None = None, *, guard: Guard = unguarded) -> tuple[Image, Image, str]:
     """Return the left and the right view of one picture, and a sentence about how it was divided.
 
     Parameters
@@ -317,7 +317,7 @@ def read_views(source: Source, layout: Layout | None = None, *, door: Door = ung
         as JPS and PNS.
     layout
         How the views are arranged in it, the left one first; None: two frames, or found from the picture itself.
-    door
+    guard
         :func:`~stereolag.io.guard.guarded` to decode untrusted files in the guard process.
 
     Raises
@@ -328,11 +328,11 @@ def read_views(source: Source, layout: Layout | None = None, *, door: Door = ung
         A file that is refused, or an anaglyph.
     """
     data = read_bytes(source, "image")
-    first = door(read_frame)(data, 1)
+    first = guard(read_frame)(data, 1)
     if first.count == 2 and layout is None:
         return (
             first.pixels,
-            door(read_frame)(data, 2).pixels,
+            guard(read_frame)(data, 2).pixels,
             "The image holds two frames: the left view, and the right.",
         )
     return likely_views(first.pixels, layout)

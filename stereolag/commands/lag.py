@@ -38,7 +38,7 @@ def run(arguments: Sequence[str]) -> int:
         parser.error(f"--aligned is {options.aligned}; its name ends in .wav or .csv.")
 
     from stereolag.core.inputs import checked_signal
-    from stereolag.io.clocks import at_one_rate, saved_twice, starts_apart
+    from stereolag.io.clocks import at_one_rate, duplicate_warning, start_difference_s
     from stereolag.io.results import lag_figures
 
     names = options.first, options.second or options.first
@@ -47,7 +47,7 @@ def run(arguments: Sequence[str]) -> int:
         second = read(sl.read_signal, names[1], track=options.tracks[1])
     numbers = options.channels or (first.numbers[0], (*second.numbers, 2)[second is first])
     channels = _channel(first, numbers[0], names[0]), _channel(second, numbers[1], names[1])
-    apart = starts_apart(*channels)
+    apart = start_difference_s(*channels)
     rate = settings.sampling_rate
     assumed = {"speed", "sampling_rate"} - vars(options).keys()
     if "sampling_rate" in assumed:
@@ -58,12 +58,14 @@ def run(arguments: Sequence[str]) -> int:
             settings = settings.model_copy(update={"sampling_rate": rate})
     facts = [
         _facts(one, name, number, count, rate)
-        for one, name, number, count in zip(channels, names, numbers, (first.highest, second.highest), strict=True)
+        for one, name, number, count in zip(
+            channels, names, numbers, (first.highest_channel, second.highest_channel), strict=True
+        )
     ]
     one, other = (checked_signal(one.channels[0], name) for one, name in zip(channels, names, strict=True))
     result = sl.signal_lag(one, other, **settings.model_dump(), seed=0)
     figures = lag_figures(result, settings, assumed) | {"recordings": facts, "starts_apart_s": apart}
-    doubt = saved_twice(*channels)
+    doubt = duplicate_warning(*channels)
     figures |= {"doubts": [doubt] if doubt else []}
     words = _in_words(result, settings, facts, assumed) + (f"\ndoubtful: {doubt}" if doubt else "")
     clocks = f"\nBy their own clocks, the second recording begins {apart:+.6g} s after the first." if apart else ""
@@ -77,12 +79,12 @@ def run(arguments: Sequence[str]) -> int:
 
 def _channel(recording: Recording, number: int, name: str) -> Recording:
     """Return a channel, counted from 1; ValueError if there is no such channel."""
-    from stereolag.io.clocks import numbered
+    from stereolag.io.clocks import channel_list
 
     if number not in recording.numbers:
         raise ValueError(
-            f"channel {number} is asked for, and {name} has {numbered(recording.numbers)}: give a second recording, or "
-            "other --channels."
+            f"channel {number} is asked for, and {name} has {channel_list(recording.numbers)}: give a second "
+            "recording, or other --channels."
         )
     return recording.channel(number)
 

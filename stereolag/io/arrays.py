@@ -1,4 +1,4 @@
-"""Arrays of numbers as NumPy, MATLAB and Octave save them (NPY, NPZ, MAT), read from untrusted bytes; no pickles."""
+"""Arrays of numbers in files of NumPy, MATLAB and Octave (NPY, NPZ, MAT), read from untrusted bytes; no pickles."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from stereolag.io.sources import Archive, quote
 NPY_MAGIC = b"\x93NUMPY"
 MAX_DIMENSIONS = 32
 
-_HEADERS = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}
+_HEADER_READERS = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}
 
 MAT_MAGIC = re.compile(
     rb"MATLAB 5\.0 MAT-file"
-    # Version 4 has no name: kind of the numbers, rows, columns, whether complex, length of the name, name.
+    # Version 4 has no magic bytes: type, rows, columns, whether complex, length of the name, name.
     rb"|[\0-\x34]\0\0\0.{8}[\0\1]\0\0\0[\x02-\x40]\0\0\0[A-Za-z]\w*\0"
     rb"|\0\0(?:\x03[\xe8-\xff]|\x04[\0-\x1c]).{8}\0\0\0[\0\1]\0\0\0[\x02-\x40][A-Za-z]\w*\0",
     re.DOTALL,
@@ -33,9 +33,9 @@ _MAT_KINDS = frozenset(
 
 
 def parse_npy(data: bytes, what: str, kinds: str = "biuf") -> npt.NDArray[Any]:
-    """Return the array of numbers in the bytes of an ``.npy`` file (a read-only view of them).
+    """Return the array of numbers in the bytes of an ``.npy`` file, a read-only view of them.
 
-    ``"M"`` among the kinds allows dates as well.
+    `kinds` are the allowed kinds of NumPy types; ``"M"`` among them allows dates.
 
     Raises
     ------
@@ -45,14 +45,14 @@ def parse_npy(data: bytes, what: str, kinds: str = "biuf") -> npt.NDArray[Any]:
     stream = io.BytesIO(data)
     try:
         version = np.lib.format.read_magic(stream)
-        shape, is_fortran, dtype = _HEADERS[min(version[0], 2)](stream)
+        shape, is_fortran, dtype = _HEADER_READERS[min(version[0], 2)](stream)
         if len(shape) > MAX_DIMENSIONS or any(side < 0 or isinstance(side, bool) for side in shape):
             raise ValueError(f"shape {shape}")
-    except Exception as error:  # the header is Python, and can be broken in all kinds of ways
-        raise ValueError(f"The {what} has the mark of an .npy file, but its header cannot be read.") from error
+    except Exception as error:  # the header is a Python literal, and can be broken in all kinds of ways
+        raise ValueError(f"The {what} begins like an .npy file, but its header cannot be read.") from error
     if dtype.kind not in kinds or dtype.itemsize > 8:
-        held = "records of several fields" if dtype.names else dtype.name
-        raise ValueError(f"The {what} (.npy) holds {held}; allowed are integers and floats.")
+        content = "records of several fields" if dtype.names else dtype.name
+        raise ValueError(f"The {what} (.npy) holds {content}; allowed are integers and floats.")
     offset, count = stream.tell(), math.prod(shape)
     if count * dtype.itemsize > len(data) - offset:
         announced = f"{min(count, 10**30):.15g} numbers of {dtype.name}"
@@ -69,19 +69,19 @@ def npy(array: npt.ArrayLike) -> bytes:
 
 
 def npz_arrays(archive: Archive, what: str, kinds: str = "biuf") -> dict[str, npt.NDArray[Any]]:
-    """Return the arrays in an archive of NumPy by name, without texts and objects; {} if it holds no array at all.
+    """Return the arrays of numbers in an NPZ archive by name; {} if it holds no array at all.
 
     Raises
     ------
     ValueError
-        Texts, objects or damaged arrays alone.
+        Only texts, objects or damaged arrays.
     """
     arrays, fault = {}, None
     for name in archive.names:
         if name.endswith(".npy"):
             try:
                 arrays[name.removesuffix(".npy")] = parse_npy(archive.read(name), what, kinds)
-            except ValueError as error:  # texts and objects stand beside the numbers
+            except ValueError as error:  # numbers may be saved together with texts and objects
                 fault = error
     if fault is not None and not arrays:
         raise fault
@@ -91,7 +91,7 @@ def npz_arrays(archive: Archive, what: str, kinds: str = "biuf") -> dict[str, np
 def mat_arrays(data: bytes, what: str, check: Callable[[tuple[int, ...]], None]) -> dict[str, npt.NDArray[Any]]:
     """Return the matrices of numbers in a MAT file of MATLAB or Octave by name.
 
-    `check` raises for a shape that is too large, before any is read.
+    `check` raises for a shape that is too large, before any matrix is read.
 
     Raises
     ------
@@ -99,25 +99,25 @@ def mat_arrays(data: bytes, what: str, check: Callable[[tuple[int, ...]], None])
         A damaged file, or one without matrices of numbers.
     """
     stream: Any = io.BytesIO(data)
-    with _damaged_if_it_fails(what):
-        held = scipy.io.whosmat(stream)
-    names = [name for name, shape, kind in held if kind in _MAT_KINDS and len(shape) == 2]
-    for name, shape, _ in held:
+    with _reported_as_damage(what):
+        contents = scipy.io.whosmat(stream)
+    names = [name for name, shape, kind in contents if kind in _MAT_KINDS and len(shape) == 2]
+    for name, shape, _ in contents:
         if name in names:
             check(shape)
     stream.seek(0)
-    with _damaged_if_it_fails(what):
+    with _reported_as_damage(what):
         loaded = scipy.io.loadmat(stream, variable_names=names) if names else {}
         arrays = {name: np.asarray(loaded[name]) for name in names}
     if not arrays:
-        there = ", ".join(f"{quote(name)} ({kind})" for name, _, kind in held[:9])
-        raise ValueError(f"The {what} is a MAT file without arrays of numbers; it holds {there or 'nothing'}.")
+        others = ", ".join(f"{quote(name)} ({kind})" for name, _, kind in contents[:9])
+        raise ValueError(f"The {what} is a MAT file without arrays of numbers; it holds {others or 'nothing'}.")
     return arrays
 
 
 @contextmanager
-def _damaged_if_it_fails(what: str) -> Iterator[None]:
-    """Say of a MAT file that it is damaged: scipy raises all kinds of errors on broken files."""
+def _reported_as_damage(what: str) -> Iterator[None]:
+    """Report any error as a damaged MAT file: scipy raises all kinds of errors on broken files."""
     try:
         yield
     except Exception as error:

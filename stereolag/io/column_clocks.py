@@ -1,4 +1,4 @@
-"""The clock of a table: which column holds the times, in which unit, and the recording of the others on it."""
+"""The clock of a table: the column of times and its unit, and the other columns as a recording on that clock."""
 
 from __future__ import annotations
 
@@ -13,29 +13,30 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import Vector
 from stereolag.io.clocks import (
-    LONG_STEP,
-    MOST_FILLED,
+    MAX_FILL_RATIO,
+    MIN_GAP_RATIO,
     Channels,
     Gap,
     Recording,
     check_size,
-    filled,
+    interpolated,
     on_even_clock,
     rises_evenly,
 )
 from stereolag.io.formats import WHAT
 from stereolag.io.sources import quote
-from stereolag.io.stamps import DAY_S, Times, granule, read_stamps
+from stereolag.io.stamps import DAY_S, Times, read_stamps, rounding_step
 
-FEWEST_ROWS = 10
-"""Columns of fewer rows have no clock among their numbers, and nothing below them."""
-MOSTLY = 0.9
-MOST_MISSING = 0.5
+MIN_ROWS = 10
+"""Rows of a table below which its values alone are not enough to recognise a clock, a footer or sensors in turn."""
+MIN_CONFORMING_SHARE = 0.9
+"""Share of rows that must follow a pattern for a whole column to be taken to follow it."""
+MAX_MISSING_SHARE = 0.5
 """Share of missing values above which a column is left out."""
-LONG_LOSS = 3
-"""Values missing in a row that are named as a gap."""
+MIN_GAP_ROWS = 3
+"""Consecutive rows without values that are reported as a gap."""
 
-_UNITS = {
+_UNIT_SECONDS = {
     unit: seconds
     for names, seconds in (
         ("ns nanosecond", 1e-9),
@@ -48,136 +49,150 @@ _UNITS = {
     )
     for unit in names.split()
 }
-_OF_DAY = re.compile(r"\b(?:of|per) (?:the )?day\b")
-_TIME = re.compile(r"time|zeit|stamp|elapsed|second|millis|micros|datum|date|\b(?:temps|tiempo|tempo|sec|x value)\b")
-_COUNT = re.compile(
+_PER_DAY = re.compile(r"\b(?:of|per) (?:the )?day\b")
+_TIME_WORDS = re.compile(
+    r"time|zeit|stamp|elapsed|second|millis|micros|datum|date|\b(?:temps|tiempo|tempo|sec|x value)\b"
+)
+_COUNT_WORDS = re.compile(
     r"#|\b(?:no|nr|num|number|index|idx|samples?|sequence|point|row|n|id|scan|cnt|count|counter|record|x)\b"
 )
 
-_ROUNDED_TO = {8: DAY_S, 10: 3600.0, 12: 60.0}
-"""Seconds to which a date written as 20240513, 2024051310 or 202405131015 is rounded, by the number of digits."""
+_ROUNDING_BY_DIGITS = {8: DAY_S, 10: 3600.0, 12: 60.0}
+"""Rounding, s, of a date written as 20240513, 2024051310 or 202405131015, by its number of digits."""
 
-_DATED = re.compile(r"dat[eu]")
-_FIRST = 3
-"""Columns without a heading in which a date and a time of day are looked for."""
+_DATE_WORDS = re.compile(r"dat[eu]")
+_CLOCK_COLUMNS = 3
+"""Number of columns at the beginning that may be a date and a time of day without a heading."""
 
-_YYMMDD = 100_000, 500_000
-"""Numbers that are dates of the years 2010 to 2049 where their heading calls them so."""
+_YYMMDD_RANGE = 100_000, 500_000
+"""Numbers taken for dates (2010 to 2049, YYMMDD) under a heading that names dates."""
 
-UNIX_S = 1e9, 4e9
-"""Seconds since 1970 of the years 2001 and 2096."""
-_SERIAL_DAYS = ((25_569, 36_000, 73_000), (719_529, 730_000, 767_000))
-"""Days as spreadsheets and MATLAB count them: the number of 1970-01-01, and the first and last taken for a date."""
-_SERIAL_ROUNDING = 1e-5
-_COUNTER = 2**32
-_MOST_FALLS = 0.1
-"""Share of steps that may go back in a column that its heading calls times: above, it is a signal."""
+UNIX_RANGE_S = 1e9, 4e9
+"""Unix times taken for dates, s: the years 2001 to 2096."""
+_SERIAL_DAY_RANGES = ((25_569, 36_000, 73_000), (719_529, 730_000, 767_000))
+"""Serial days of spreadsheets and MATLAB: the number of 1970-01-01, and the range taken for dates."""
+_MAX_SERIAL_ROUNDING = 1e-5
+"""Rounding of serial days, about a second, above which they are not taken for times."""
+_COUNTER_SIZE = 2**32
+"""Values of a 32-bit counter, after which it begins again at 0."""
+_MAX_FALLING_SHARE = 0.1
+"""Share of steps backwards above which a column under a time heading is a signal."""
 
 
 def column_name(number: int, name: str) -> str:
-    """Return a column in words: its number and, if it has one, its heading."""
+    """Return a phrase that names a column: its number and, if it has one, its heading."""
     return f"column {number} {quote(name)}" if name else f"column {number}"
 
 
-def _words_of(name: str) -> str:
+def _normalised(name: str) -> str:
     return name.lower().replace("_", " ")
 
 
-def unit_of(name: str) -> float | None:
-    """Return the unit of time that a heading names, s; None if it names none."""
-    words = _letters(_OF_DAY.sub("", _words_of(name)))
-    return next((unit for word in words if (unit := _UNITS.get(word) or _UNITS.get(word.removesuffix("s")))), None)
+def time_unit(name: str) -> float | None:
+    """Return the unit of time named in a heading, s; None if there is none."""
+    words = _words(_PER_DAY.sub("", _normalised(name)))
+    units = (_UNIT_SECONDS.get(word) or _UNIT_SECONDS.get(word.removesuffix("s")) for word in words)
+    return next(filter(None, units), None)
 
 
-def is_time(name: str) -> bool:
-    """Return whether a heading is that of times: a unit alone is one, but "day" may count the days of a trial."""
-    words = _letters(name)
-    is_unit = bool(words) and all(_UNITS.get(word, DAY_S) < DAY_S for word in words)
-    return bool(_TIME.search(_words_of(name)) or words[:1] == ["t"] or is_unit)
+def is_time_heading(name: str) -> bool:
+    """Return whether a heading names times. A unit alone does, apart from "day", which may count days of a trial."""
+    words = _words(name)
+    is_unit = bool(words) and all(_UNIT_SECONDS.get(word, DAY_S) < DAY_S for word in words)
+    return bool(_TIME_WORDS.search(_normalised(name)) or words[:1] == ["t"] or is_unit)
 
 
-def _letters(name: str) -> list[str]:
-    return re.findall(r"[a-zµμ]+", _words_of(name))
+def _words(name: str) -> list[str]:
+    return re.findall(r"[a-zµμ]+", _normalised(name))
 
 
-def _column_of_times(table: Channels, names: Sequence[str]) -> int | None:
-    """Return the index of the column that holds times or counts, None if there is none."""
+def _time_column(table: Channels, names: Sequence[str]) -> int | None:
+    """Return the index of the column of times or counts, None if there is none."""
     if len(table) < 2:
         return None
     for index, name in enumerate(names):
-        if is_time(name):
+        if is_time_heading(name):
             values = table[index][~np.isnan(table[index])]
             steps = np.diff(values)
-            falls = min((steps < 0).mean(), (steps > 0).mean()) if steps.size else 1.0  # the last may come first
-            if falls <= (0.0 if name == "T" else _MOST_FALLS) and values[-1] != values[0]:
+            # The last time may come first.
+            falling = min((steps < 0).mean(), (steps > 0).mean()) if steps.size else 1.0
+            if falling <= (0.0 if name == "T" else _MAX_FALLING_SHARE) and values[-1] != values[0]:
                 return index
-    return 0 if rises_evenly(table[0]) or (not names[0] and _rises_alone(table[0])) else None
+    return 0 if rises_evenly(table[0]) or (not names[0] and _rises_steadily(table[0])) else None
 
 
-def _rises_alone(values: Vector) -> bool:
-    """Return whether values always rise, mostly by about the same: the uneven times of a file without a heading."""
+def _rises_steadily(values: Vector) -> bool:
+    """Return whether values always rise, mostly by similar steps, as uneven times without a heading do."""
     steps = np.diff(values)
-    if values.size < FEWEST_ROWS or np.isnan(values).any() or (steps <= 0).any():
+    if values.size < MIN_ROWS or np.isnan(values).any() or (steps <= 0).any():
         return False
-    return float((np.abs(steps / np.median(steps) - 1) < 0.5).mean()) >= MOSTLY
+    return float((np.abs(steps / np.median(steps) - 1) < 0.5).mean()) >= MIN_CONFORMING_SHARE
 
 
-def times_in_numbers(values: Vector, name: str) -> tuple[Times, bool]:
-    """Return a column of numbers as times, and whether these are seconds: not counts of an unknown unit."""
-    there = ~np.isnan(values)
-    first = float(values[there][0])
-    unit, rounding = unit_of(name), granule(values[there])
-    width = len(f"{values[there].min():.0f}")
-    earliest, latest = _YYMMDD
-    is_dated = _DATED.search(name.lower()) and earliest <= values[there].min() <= values[there].max() < latest
-    if is_dated and (values[there] % 100).max() > 12:  # not 201105, a month
-        width = 8
-        whole = (values + 20_000_000) * 1e6
+def times_from_numbers(values: Vector, name: str) -> tuple[Times, bool]:
+    """Return a column of numbers as times, and whether they are seconds rather than counts of an unknown unit."""
+    is_valid = ~np.isnan(values)
+    valid = values[is_valid]
+    first = float(valid[0])
+    unit, rounding = time_unit(name), rounding_step(valid)
+    digits = len(f"{valid.min():.0f}")
+    earliest, latest = _YYMMDD_RANGE
+    is_dated = _DATE_WORDS.search(name.lower()) and earliest <= valid.min() <= valid.max() < latest
+    if is_dated and (valid % 100).max() > 12:  # not 201105, a month
+        digits = 8
+        stamps = (values + 20_000_000) * 1e6
     else:
-        whole = values * 10.0 ** (14 - width) if width in _ROUNDED_TO else values
-    if unit is None and is_time(name) and _are_digits_of_clocks(whole[there]):
-        if rounding >= 1 and values[there].max() < 2400:  # hours and minutes, as 945, rather than minutes and seconds
-            whole, width = 100 * values, 12
-        times = read_stamps([f"{value:013.6f}" for value in whole])
-        if not np.isnan(times.seconds[there]).any():
-            return replace(times, rounding=_ROUNDED_TO.get(width, rounding)), True
+        stamps = values * 10.0 ** (14 - digits) if digits in _ROUNDING_BY_DIGITS else values
+    if unit is None and is_time_heading(name) and _are_clock_digits(stamps[is_valid]):
+        if rounding >= 1 and valid.max() < 2400:  # hours and minutes, as 945, rather than minutes and seconds
+            stamps, digits = 100 * values, 12
+        times = read_stamps([f"{stamp:013.6f}" for stamp in stamps])
+        if not np.isnan(times.seconds[is_valid]).any():
+            return replace(times, rounding=_ROUNDING_BY_DIGITS.get(digits, rounding)), True
     if unit is None:
-        low, high = UNIX_S
+        low, high = UNIX_RANGE_S
         unit = next((size for size in (1.0, 1e-3, 1e-6, 1e-9) if low <= first * size < high), None)
-        for zero, low, high in _SERIAL_DAYS if is_time(name) and rounding <= _SERIAL_ROUNDING else ():
+        for zero, low, high in _SERIAL_DAY_RANGES if is_time_heading(name) and rounding <= _MAX_SERIAL_ROUNDING else ():
             if low <= first < high:
                 seconds = (values - first) * DAY_S
                 return Times(seconds, (first - zero) * DAY_S, "1970", rounding * DAY_S), True
-    is_count = unit is None and not is_time(name) and (rounding >= 1 or bool(_COUNT.search(_words_of(name))))
+    is_count = (
+        unit is None and not is_time_heading(name) and (rounding >= 1 or bool(_COUNT_WORDS.search(_normalised(name))))
+    )
     unit = unit or 1.0
-    epoch: Literal["1970", "start"] = "1970" if UNIX_S[0] <= first * unit < UNIX_S[1] else "start"
+    epoch: Literal["1970", "start"] = "1970" if UNIX_RANGE_S[0] <= first * unit < UNIX_RANGE_S[1] else "start"
     return Times((values - first) * unit, first * unit, epoch, rounding * unit), not is_count
 
 
-def _date_and_clock_in_digits(table: Channels, names: Sequence[str]) -> tuple[Times, int, int] | None:
-    """Return the times that two columns of digits give, 20240513 or 240513 and 101500, and these; None if none do."""
-    first = [not name and index < _FIRST for index, name in enumerate(names)]
+def _clock_from_digits(table: Channels, names: Sequence[str]) -> tuple[Times, list[int]] | None:
+    """Return the times in a column of dates and one of times of day, and these columns; None if there are none.
+
+    Dates are numbers like 20240513 or 240513, times of day like 101500.
+    """
+    unnamed = [not name and index < _CLOCK_COLUMNS for index, name in enumerate(names)]
     timed = [
-        index for index, name in enumerate(names) if (is_time(name) or first[index]) and np.isfinite(table[index]).all()
+        index
+        for index, name in enumerate(names)
+        if (is_time_heading(name) or unnamed[index]) and np.isfinite(table[index]).all()
     ]
     for date_, time in itertools.permutations(timed, 2):
-        days = table[date_] + (20_000_000 if table[date_].max() < _YYMMDD[1] else 0)
+        days = table[date_] + (20_000_000 if table[date_].max() < _YYMMDD_RANGE[1] else 0)
         is_dated = (
-            (first[date_] or _DATED.search(names[date_].lower()))
+            (unnamed[date_] or _DATE_WORDS.search(names[date_].lower()))
             and days.min() >= 19_000_101
             and days.max() < 21_000_000
         )
-        is_clock = unit_of(names[time]) is None and 2400 <= table[time].max() < 1e6  # not 2359 without seconds
-        rises = is_clock and (_are_digits_of_clocks(table[time]) or np.ptp(table[time] // 10_000) > 0)
-        if is_dated and rises and _are_digits_of_clocks(1e6 * days + table[time]):
+        is_clock = time_unit(names[time]) is None and 2400 <= table[time].max() < 1e6  # not 2359 without seconds
+        rises = is_clock and (_are_clock_digits(table[time]) or np.ptp(table[time] // 10_000) > 0)
+        if is_dated and rises and _are_clock_digits(1e6 * days + table[time]):
             texts = [f"{day:.0f}T{clock:013.6f}" for day, clock in zip(days, table[time], strict=True)]
             times = read_stamps(texts)
             if np.isfinite(times.seconds).all():
-                return replace(times, rounding=granule(table[time])), date_, time
+                return replace(times, rounding=rounding_step(table[time])), [date_, time]
     return None
 
 
-_PARTS = tuple(
+_PART_HEADINGS = tuple(
     re.compile(pattern)
     for pattern in (
         r"#?(?i:y{2,4}|year|yr|jahr)",
@@ -188,36 +203,42 @@ _PARTS = tuple(
         r"(?i:s{1,2}|sec|second|seconds|sekunde)",
     )
 )
-"""Headings of the year, month, day, hour, minute and second, where each is a column."""
+"""Headings of columns for the year, month, day, hour, minute and second."""
 
 
-def _clock_in_parts(table: Channels, names: Sequence[str]) -> tuple[Times, list[int]] | None:
-    """Return the times of a year, a day and an hour in columns of their own, and these columns; None if none are.
+def _clock_from_parts(table: Channels, names: Sequence[str]) -> tuple[Times, list[int]] | None:
+    """Return the times in separate columns for year, day, hour and so on, and these columns; None if there are none.
 
-    Without a month, the day is that of the year.
+    Without a month, the day is the day of the year.
     """
-    found = [next((at for at, name in enumerate(names) if part.fullmatch(name.split(" ")[0])), None) for part in _PARTS]
-    used = [at for at in found if at is not None]
+    found = [
+        next((column for column, name in enumerate(names) if heading.fullmatch(name.split(" ")[0])), None)
+        for heading in _PART_HEADINGS
+    ]
+    used = [column for column in found if column is not None]
     if None in (found[0], found[2], found[3]) or not np.isfinite(table[used]).all():
         return None
     limits = (2100, 12, 31 if found[1] is not None else 366, 24, 59, 60.999)
-    read = zip(found, limits, (1970, 1, 1, 0, 0, 0), strict=True)
-    parts = [(np.full(table.shape[1], usual) if at is None else table[at], limit) for at, limit, usual in read]
+    defaults = (1970, 1, 1, 0, 0, 0)
+    parts = [
+        (np.full(table.shape[1], default) if column is None else table[column], limit)
+        for column, limit, default in zip(found, limits, defaults, strict=True)
+    ]
     # Only seconds may have a fraction.
     if any((part < 0).any() or part.max() > limit or (part % 1).any() for part, limit in parts[:5]):
         return None
     years, months, days, hours, minutes, seconds = (part for part, _ in parts)
     years = years + 2000 * (years.max() < 100)
-    begun = (12 * (years - 1970) + months - 1).astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
-    times = (begun + days - 1) * DAY_S + hours * 3600 + minutes * 60 + seconds
-    finest = granule(seconds) if found[5] is not None else 60.0 if found[4] is not None else 3600.0
-    return Times(times - times[0], float(times[0]), "1970", finest), used
+    month_starts = (12 * (years - 1970) + months - 1).astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
+    times = (month_starts + days - 1) * DAY_S + hours * 3600 + minutes * 60 + seconds
+    rounding = rounding_step(seconds) if found[5] is not None else 60.0 if found[4] is not None else 3600.0
+    return Times(times - times[0], float(times[0]), "1970", rounding), used
 
 
-def _are_digits_of_clocks(values: Vector) -> bool:
+def _are_clock_digits(values: Vector) -> bool:
     """Return whether numbers are dates with times of day, 20240513101500, or times of day alone, 101500.
 
-    Seconds as short as these, counted on, would also end in 60 to 99, or have the same gaps.
+    Elapsed seconds would also end in 60 to 99, or have no fewer gaps when read as times of day.
     """
     days, clocks = np.divmod(values, 1e6)
     minutes, seconds = clocks // 100, clocks % 100
@@ -226,12 +247,12 @@ def _are_digits_of_clocks(values: Vector) -> bool:
     if days.any():
         return bool(days.min() >= 19_000_101 and days.max() < 21_000_000)
     steps, in_seconds = np.diff(values), np.diff(minutes // 100 * 3600 + minutes % 100 * 60 + seconds)
-    usual = np.median(steps[steps > 0]) if (steps > 0).any() else 0.0
-    fewer_gaps = (in_seconds > LONG_STEP * usual).sum() < (steps > LONG_STEP * usual).sum()
+    longest_regular = MIN_GAP_RATIO * (np.median(steps[steps > 0]) if (steps > 0).any() else 0.0)
+    fewer_gaps = (in_seconds > longest_regular).sum() < (steps > longest_regular).sum()
     return bool(fewer_gaps and np.median(steps) < 40)
 
 
-def on_own_clock(
+def recording_from_table(
     table: Channels,
     names: Sequence[str],
     numbers: Sequence[int],
@@ -240,7 +261,7 @@ def on_own_clock(
     stated_rate: float | None = None,
     lines: npt.NDArray[np.int64] | None = None,
 ) -> Recording:
-    """Return the columns of a table as channels, apart from those of times and counts, which give the clock.
+    """Return the columns of a table as channels; columns of times and counts give the clock instead.
 
     Parameters
     ----------
@@ -249,11 +270,11 @@ def on_own_clock(
     names, numbers
         The heading of each column, "" if it has none, and its number in the file, from 1.
     clock
-        The time of each row, if a column of words gave it.
+        The time of each row, if other columns or arrays of the file gave it.
     stated_rate
-        Samples per second by the heading; taken if no column gives times.
+        Sampling rate in the heading, Hz; used if no column gives times.
     lines
-        The line of each row, for errors; None: rows are counted.
+        The line number of each row, for errors; None: errors number the rows.
 
     Raises
     ------
@@ -261,82 +282,94 @@ def on_own_clock(
         Times that go back, columns without values, or a size beyond the limits.
     """
     notes = []
-    for column in (column for column, name in enumerate(names) if len(table) > 1 and (is_time(name) or column == 0)):
-        begun = _begun_again(table[column])
-        if begun.any():
+    for column, name in enumerate(names) if len(table) > 1 else ():
+        if (is_time_heading(name) or column == 0) and (wraps := _counter_wraps(table[column])).any():
             table = table.copy()
-            table[column] += _COUNTER * begun
-            notes.append(f"{column_name(numbers[column], names[column])} began again at 2^32 and was counted on")
+            table[column] += _COUNTER_SIZE * wraps
+            notes.append(f"{column_name(numbers[column], name)} began again at 2^32 and was continued")
     with np.errstate(over="ignore", invalid="ignore"):
-        clocks = {index for index, name in enumerate(names) if len(table) > 1 and _is_clock(table[index], name, index)}
-        index = None if clock else _column_of_times(table, names)
+        clocks = {
+            column
+            for column, name in enumerate(names)
+            if len(table) > 1 and _is_time_or_count(table[column], name, column)
+        }
+        found = None if clock else _find_clock(table, names)
     is_seconds = True
-    if clock is None and (in_parts := _clock_in_parts(table, names)):
-        clock, used = in_parts
+    if found:
+        clock, used, is_seconds = found
         clocks.update(used)
-        notes.append(f"times in {' and '.join(column_name(numbers[one], names[one]) for one in used)}")
-    elif clock is None and (dated := _date_and_clock_in_digits(table, names)):
-        clock, *both = dated
-        clocks.update(both)
-        notes.append(f"times in {' and '.join(column_name(numbers[one], names[one]) for one in both)}")
-    elif index is not None:
-        clock, is_seconds = times_in_numbers(table[index], names[index])
-        clocks.add(index)
-        notes.append(f"{'times' if is_seconds else 'counts'} in {column_name(numbers[index], names[index])}")
-    kept = [column for column in range(len(table)) if column not in clocks] or [len(table) - 1]
-    sparse = [column for column in kept if np.isnan(table[column]).mean() > MOST_MISSING]
+        used_names = " and ".join(column_name(numbers[column], names[column]) for column in used)
+        notes.append(f"{'times' if is_seconds else 'counts'} in {used_names}")
+    signals = [column for column in range(len(table)) if column not in clocks] or [len(table) - 1]
+    sparse = [column for column in signals if np.isnan(table[column]).mean() > MAX_MISSING_SHARE]
     if sparse:
-        named = ", ".join(column_name(numbers[column], names[column]) for column in sparse)
-        if sparse == kept:
+        sparse_names = ", ".join(column_name(numbers[column], names[column]) for column in sparse)
+        if sparse == signals:
             raise ValueError(
-                f"The {WHAT} has values in fewer than half of its lines ({named}); at least half are needed."
+                f"The {WHAT} has values in fewer than half of its lines ({sparse_names}); at least half are needed."
             )
-        notes.append(f"mostly empty, left out: {named}")
-    chosen = [column for column in kept if column not in sparse]
-    check_size(len(chosen), table.shape[1])
-    values = table[chosen] if len(chosen) < len(table) else table
+        notes.append(f"mostly empty, left out: {sparse_names}")
+    kept = [column for column in signals if column not in sparse]
+    check_size(len(kept), table.shape[1])
+    values = table[kept] if len(kept) < len(table) else table
     if clock is None:
-        gaps = _losses(values, np.arange(values.shape[1]) / stated_rate) if stated_rate else ()
-        recording = Recording(filled(values, None, values.shape[1]), stated_rate, gaps=gaps)
+        gaps = _missing_stretches(values, np.arange(values.shape[1]) / stated_rate) if stated_rate else ()
+        recording = Recording(interpolated(values, None, values.shape[1]), stated_rate, gaps=gaps)
     else:
-        recording = _clocked(values, clock, lines)
-        recording = recording if is_seconds else _counted(recording, stated_rate)
+        recording = _recording_on_clock(values, clock, lines)
+        recording = recording if is_seconds else _on_stated_rate(recording, stated_rate)
     return replace(
         recording,
-        names=tuple(names[column] for column in chosen),
-        numbers=tuple(numbers[column] for column in chosen),
+        names=tuple(names[column] for column in kept),
+        numbers=tuple(numbers[column] for column in kept),
         notes=(*notes, *recording.notes),
     )
 
 
-def _begun_again(values: Vector) -> npt.NDArray[np.int64]:
-    """Return how often a counter of 32 bits, as millis() of an Arduino, has begun again before each of its values."""
+def _find_clock(table: Channels, names: Sequence[str]) -> tuple[Times, list[int], bool] | None:
+    """Return the times in columns of numbers, these columns, and whether the times are seconds; None if there are none.
+
+    Times that are not seconds are counts of an unknown unit.
+    """
+    found = _clock_from_parts(table, names) or _clock_from_digits(table, names)
+    if found:
+        return *found, True
+    column = _time_column(table, names)
+    if column is None:
+        return None
+    clock, is_seconds = times_from_numbers(table[column], names[column])
+    return clock, [column], is_seconds
+
+
+def _counter_wraps(values: Vector) -> npt.NDArray[np.int64]:
+    """Return how often a 32-bit counter, such as millis() of an Arduino, began again at 0 before each of its values."""
     with np.errstate(over="ignore", invalid="ignore"):
-        steps, longest = np.diff(values), MOST_FILLED * np.diff(values).max(initial=0.0)
+        steps, longest = np.diff(values), MAX_FILL_RATIO * np.diff(values).max(initial=0.0)
         falls = steps < 0
-        seamless = (steps[falls] + _COUNTER >= 0) & (steps[falls] + _COUNTER <= longest) & (longest < _COUNTER / 2)
+        unwrapped = steps[falls] + _COUNTER_SIZE
+        seamless = (unwrapped >= 0) & (unwrapped <= longest) & (longest < _COUNTER_SIZE / 2)
     is_counter = falls.any() and seamless.all() and (values == np.floor(values)).all() and values.min() >= 0
     return np.cumsum(np.concatenate(([False], falls & bool(is_counter))))
 
 
-def _is_clock(values: Vector, name: str, column: int) -> bool:
-    """Return whether a column rises as its heading says that times or counts do."""
-    is_count = bool(_COUNT.search(_words_of(name)))
-    counted = float((np.diff(values) == 1).mean()) if values.size > 1 and (is_count or column == 0) else 0.0
-    if is_count and counted > MOSTLY:  # it may begin again after 255
+def _is_time_or_count(values: Vector, name: str, column: int) -> bool:
+    """Return whether a column holds times or counts, by its heading and its steps."""
+    is_count = bool(_COUNT_WORDS.search(_normalised(name)))
+    unit_steps = float((np.diff(values) == 1).mean()) if values.size > 1 and (is_count or column == 0) else 0.0
+    if is_count and unit_steps > MIN_CONFORMING_SHARE:  # it may begin again after 255
         return True
-    return (is_time(name) or is_count or counted == 1) and rises_evenly(values)
+    return (is_time_heading(name) or is_count or unit_steps == 1) and rises_evenly(values)
 
 
-def _clocked(values: Channels, clock: Times, lines: npt.NDArray[np.int64] | None) -> Recording:
-    """Return values on the clock of their times."""
+def _recording_on_clock(values: Channels, clock: Times, lines: npt.NDArray[np.int64] | None) -> Recording:
+    """Return values as a recording on the clock of their times."""
     notes = []
     kept = np.flatnonzero(~np.isnan(clock.seconds))
     if kept.size < clock.seconds.size:
         notes.append(f"{clock.seconds.size - kept.size} without a time left out")
     if (np.diff(clock.seconds[kept]) <= 0).all():
         kept = kept[::-1]
-        notes.append("the last comes first: turned round")
+        notes.append("the last comes first: reversed")
     seconds, values = clock.seconds[kept], values[:, kept]
     for row in np.flatnonzero(np.diff(seconds) < 0)[:1]:
         place = f"Sample {kept[row + 1] + 1}" if lines is None else f"Line {lines[kept[row + 1]]}"
@@ -344,21 +377,22 @@ def _clocked(values: Channels, clock: Times, lines: npt.NDArray[np.int64] | None
         raise ValueError(f"{place} goes back in time by {step:,.6g} s; sort the file by its times, or cut it there.")
     clock = Times(seconds - seconds[0], clock.start_s + float(seconds[0]), clock.epoch, clock.rounding)
     recording = on_even_clock(clock, values)
-    gaps = tuple(sorted((*recording.gaps, *_losses(values, clock.seconds)), key=lambda gap: gap.start_s))
+    gaps = tuple(sorted((*recording.gaps, *_missing_stretches(values, clock.seconds)), key=lambda gap: gap.start_s))
     return replace(recording, gaps=gaps, notes=(*notes, *recording.notes))
 
 
-def _losses(values: Channels, seconds: Vector) -> tuple[Gap, ...]:
-    """Return the gaps in which every channel lacks its values."""
+def _missing_stretches(values: Channels, seconds: Vector) -> tuple[Gap, ...]:
+    """Return the gaps in which no channel has a value."""
     edges = np.flatnonzero(np.diff(np.isnan(values).all(axis=0), prepend=False, append=False))
-    runs = [(first, last) for first, last in edges.reshape(-1, 2) if last - first >= LONG_LOSS and last < seconds.size]
     return tuple(
-        Gap(float(seconds[first - 1] if first else 0.0), float(seconds[last] - seconds[first])) for first, last in runs
+        Gap(float(seconds[first - 1] if first else 0.0), float(seconds[last] - seconds[first]))
+        for first, last in edges.reshape(-1, 2)
+        if last - first >= MIN_GAP_ROWS and last < seconds.size
     )
 
 
-def _counted(recording: Recording, rate: float | None) -> Recording:
-    """Return a recording whose times are counts of an unknown unit at the stated rate, or at none."""
+def _on_stated_rate(recording: Recording, rate: float | None) -> Recording:
+    """Return a recording whose times are counts of an unknown unit at the stated rate; None: without a rate."""
     per_count = recording.sampling_rate or 1.0
     missing = round(sum(gap.length_s for gap in recording.gaps) * per_count)
     notes = (*recording.notes, f"{missing:,} samples missing by their counts, filled") if missing else recording.notes

@@ -1,4 +1,4 @@
-"""Columns of numbers as loggers, oscilloscopes and spreadsheets write them: channels, on the clock of their times."""
+"""Tables of numbers in text, as loggers, oscilloscopes and spreadsheets write them, read as recordings."""
 
 from __future__ import annotations
 
@@ -16,35 +16,47 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import Vector
+from stereolag.core.typography import counted
 from stereolag.io.clocks import Recording, chosen_track
-from stereolag.io.column_clocks import FEWEST_ROWS, MOSTLY, UNIX_S, column_name, is_time, on_own_clock, unit_of
+from stereolag.io.column_clocks import (
+    MIN_CONFORMING_SHARE,
+    MIN_ROWS,
+    UNIX_RANGE_S,
+    column_name,
+    is_time_heading,
+    recording_from_table,
+    time_unit,
+)
 from stereolag.io.formats import WHAT
 from stereolag.io.plain_lines import (
     ALLOWED,
-    BLOCK,
-    decoded,
-    is_of_objects,
+    decode_text,
+    holds_objects,
+    with_plain_values,
     without_comments,
     without_labels,
     without_nuls,
-    written_plainly,
 )
 from stereolag.io.sources import quote
-from stereolag.io.stamps import Times, date_and_clock, granule, is_stamp, read_stamps
+from stereolag.io.stamps import Times, date_and_clock, is_stamp, read_stamps, rounding_step
 
-MAX_LINE = 100_000
-"""Most characters of a line among those by which columns are recognised."""
+BLOCK_SIZE = 2**20
+"""Characters parsed at a time."""
+MAX_LINE_LENGTH = 100_000
+"""Characters allowed in each of the lines from which the columns are recognised."""
 MAX_FIELDS = 1000
+"""Fields of a line above which it is not a row."""
 
-MOST_LINES = 200
-"""Most lines above the columns, and below them."""
-PROBED = 2 * MOST_LINES
-"""Lines by which columns are recognised."""
-HEADING = 3
+MAX_OTHER_LINES = 200
+"""Lines kept of the heading above the columns, and searched for a footer below them."""
+PROBED_LINES = 2 * MAX_OTHER_LINES
+"""Lines from which the columns are recognised."""
+MAX_NAME_LINES = 3
 """Lines above the first row that may hold the names and units of the columns."""
-MOST_TURNS = 20
-SPARSE = 0.05
-"""Share of rows below which a column counts as empty."""
+MAX_SENSORS = 20
+"""Sensors that may take turns in the lines of a text."""
+MIN_FILLED_SHARE = 0.05
+"""Share of filled rows below which a column counts as empty."""
 
 Kind: TypeAlias = Literal["number", "stamp", "word", "missing"]
 
@@ -53,19 +65,19 @@ _MISSING = re.compile(
     r"(?:[-+]?(?:1\.#\w+|nan(?:\(\w*\))?)|n\.?/?a\.?|#n/a|#\w+[!?]|null|none|nil|missing|(?-i:MM)|burnout|over\w*|[-+]?∞|[-+*?.]+)?",
     re.IGNORECASE,
 )
-_SECTION = re.compile(r"\[[\w ]+\]")
-"""A line that names what follows: "[data]"."""
-_NINES = re.compile(r"-?9{3,}(?:\.9+)?")
-_WITH_UNIT = re.compile(r"([-+]?[\d.,]+(?:[eE][-+]?\d+)?) ?(?:[%°Ωµμ$€£¥]|(?![eE])[A-Za-z])[^\d,;_]{0,5}")
+_SECTION_TITLE = re.compile(r"\[[\w ]+\]")
+"""The title of a section, as in "[data]"."""
+_SENTINEL = re.compile(r"-?9{3,}(?:\.9+)?")
+_NUMBER_WITH_UNIT = re.compile(r"([-+]?[\d.,]+(?:[eE][-+]?\d+)?) ?(?:[%°Ωµμ$€£¥]|(?![eE])[A-Za-z])[^\d,;_]{0,5}")
 _GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(?P<mark>[,.' ])\d{3}(?:(?P=mark)\d{3})*(?P<rest>(?!(?P=mark))[.,]\d*)?")
-"""A number whose thousands are set apart; 1,234 or 1.234 may be one."""
+"""A number with thousands separators; 1,234 and 1.234 may be one."""
 
-_RATE = re.compile(
+_RATE_WORDS = re.compile(
     r"sampl\w*[ _-]*(?:rate|freq\w*)|\bfs\b|abtastrate|actigraph\b.*\bat\b"
     r"|\brate(?=\W{1,3}[\d.,]+ ?k?(?:hz|sa?/s|sps)\b)",
     re.IGNORECASE,
 )
-_STEP = re.compile(
+_STEP_WORDS = re.compile(
     r"sampl\w*[ _-]*(?:interval|period|time)|increment|h ?resolution|delta[ _]x|\b[xt]inc\w*|\bdt\b", re.IGNORECASE
 )
 _QUANTITY = re.compile(
@@ -75,23 +87,23 @@ _QUANTITY = re.compile(
     r"(?P<unit>(?![a-z]\s*[=:])(?:(?:1|[a-zµμ]+)? ?(?:/|\bper\b) ?)?[a-zµμ]+(?:\^?-1)?)?",
     re.IGNORECASE,
 )
-_EACH = re.compile(r"(?<![\d.])(?![0.]+[^\d.])(\d{1,6}(?:\.\d{1,9})?) ?(\w*sec|[mµμun]?s|min)/sample\b")
-LEAST_STATED, MOST_STATED = 1e-12, 1e12
-"""Numbers between which a stated rate or interval is believed."""
-_PREFIX = re.compile(r"([kKMG]|m(?=[hH]))(?i:hz|sa?/s|sps|\b)")
-_PER = re.compile(r".*(?:/|\bper\b) ?(\w+)|(\w+?)\^?-1", re.IGNORECASE)
-_PREFIXES = {"k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9, "m": 1e-3}
+_SECONDS_PER_SAMPLE = re.compile(r"(?<![\d.])(?![0.]+[^\d.])(\d{1,6}(?:\.\d{1,9})?) ?(\w*sec|[mµμun]?s|min)/sample\b")
+MIN_STATED, MAX_STATED = 1e-12, 1e12
+"""Bounds of the rates and intervals accepted from a heading or a variable of a file."""
+_UNIT_PREFIX = re.compile(r"([kKMG]|m(?=[hH]))(?i:hz|sa?/s|sps|\b)")
+_PER_UNIT = re.compile(r".*(?:/|\bper\b) ?(\w+)|(\w+?)\^?-1", re.IGNORECASE)
+_PREFIX_FACTORS = {"k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9, "m": 1e-3}
 
 
 def read_columns(data: bytes, track: int | str = 1) -> Recording:
-    """Return the columns of a text as channels, on the clock that its times or its heading give.
+    """Return the columns of a text as channels, on the clock given by its times or its heading.
 
     Each column holds numbers, times (dates, times of day, or numbers under a heading such as "time_ms"), or words,
-    which are left out. Year, month, day, hour, minute and second may be columns of their own. Lines above the columns
-    are their heading; lines below are left out. Values may be missing (empty, NaN, "---") in up to half of a column,
-    and lie on a straight line between their neighbours. NUL bytes after a number are removed from a few lines (at most
-    5, and one in a hundred). If several sensors take turns, line by line, named in a column of words ("acc", "gyr",
-    "acc"), each is a track. Lines may name their values ("t:20 value:3", or an object of JSON), if all name the same.
+    which are left out. Year, month, day, hour, minute and second may be separate columns. Lines above the columns are
+    their heading; lines below are left out. Values may be missing (empty, NaN, "---") in up to half of a column, and
+    are interpolated linearly. NUL bytes after a number are removed from a few lines (at most 5, and one in a hundred).
+    If several sensors take turns, line by line, named in a column of words ("acc", "gyr", "acc"), each is a track.
+    Lines may label their values ("t:20 value:3", or a JSON object), if all have the same labels.
 
     Parameters
     ----------
@@ -103,48 +115,54 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
     Raises
     ------
     ValueError
-        No column of numbers, too long a text, a field that is neither a number nor missing, a line with another count
-        of fields, or times that go back; the error names the line, the column and the field.
+        No column of numbers, too long a text, a field that is neither a number nor missing, a line with a different
+        number of fields, or times that go back; the error names the line, the column and the field.
     """
-    whole, mended = without_nuls(decoded(data))
-    whole = written_plainly(whole)
-    text = without_comments(whole)
-    layout = None if is_of_objects(text) else _layout(text, whole)
+    with_comments, mended = without_nuls(decode_text(data))
+    with_comments = with_plain_values(with_comments)
+    text = without_comments(with_comments)
+    layout = None if holds_objects(text) else _layout(text, with_comments)
     if layout is None:
-        every = enumerate(text.split("\n"), start=1)
-        said = next((f": line {number} is {quote(line.strip())}" for number, line in every if line.strip()), "")
+        lines = enumerate(text.split("\n"), start=1)
+        first_line = next((f": line {number} is {quote(line.strip())}" for number, line in lines if line.strip()), "")
         text, labels = without_labels(text)
         layout = _layout(text, text) if labels else None
         if layout is None:
-            raise ValueError(f"No line of the text holds a number{said}; {ALLOWED}.")
+            raise ValueError(f"No line of the text holds a number{first_line}; {ALLOWED}.")
         if len(labels) == len(layout.kinds):
             layout = replace(layout, names=tuple(labels))
     text, below = _without_footer(text, layout)
-    number = chosen_track(layout.turns, track)
-    if len(layout.turns) > 1:
-        text = _of_one(text, layout, layout.turns[number - 1])
-    table, stamps, lines = _read(text, layout)
-    table = _without_nines(table)
-    columns = layout.of("number")
+    number = chosen_track(layout.sensors, track)
+    if len(layout.sensors) > 1:
+        text = _rows_of_sensor(text, layout, layout.sensors[number - 1])
+    table, stamps, line_numbers = _read_rows(text, layout)
+    table = _without_sentinels(table)
+    columns = layout.columns_of("number")
     for index, row in np.argwhere(np.isinf(table))[:1]:
-        raise _unreadable(lines[row], f"{table[index, row]:g}", columns[index], layout, "finite numbers")
-    clock, within = _clock_of_stamps(layout, stamps, table, lines)
-    kept = [index for index in range(len(columns)) if index != within]
-    rate, start_s = _stated(layout)
-    begun_s, stated = _start_and_rate(table)
-    if stated:  # as wearables write them
-        table, lines, rate = table[:, 2:], lines[2:], stated
-    words = [column_name(column + 1, layout.names[column]) for column in layout.of("word")]
-    if words and not stamps and len(table) == 1 and is_time(layout.names[columns[0]]) and (np.diff(table[0]) > 0).all():
+        raise _field_error(line_numbers[row], f"{table[index, row]:g}", columns[index], layout, "finite numbers")
+    clock, fraction = _clock_of_stamps(layout, stamps, table, line_numbers)
+    kept = [index for index in range(len(columns)) if index != fraction]
+    rate, start_s = _stated_rate_and_start(layout)
+    unix_start_s, rate_in_rows = _start_and_rate_in_rows(table)
+    if rate_in_rows:
+        table, line_numbers, rate = table[:, 2:], line_numbers[2:], rate_in_rows
+    words = [column_name(column + 1, layout.names[column]) for column in layout.columns_of("word")]
+    if (
+        words
+        and not stamps
+        and len(table) == 1
+        and is_time_heading(layout.names[columns[0]])
+        and (np.diff(table[0]) > 0).all()
+    ):
         times = column_name(columns[0] + 1, layout.names[columns[0]])
         raise ValueError(f"The {WHAT} holds no numbers beside the times in {times}; {words[0]} holds words.")
-    recording = on_own_clock(
+    recording = recording_from_table(
         table[kept],
         [layout.names[columns[index]] for index in kept],
         [columns[index] + 1 for index in kept],
         clock=clock,
         stated_rate=rate,
-        lines=lines,
+        lines=line_numbers,
     )
     notes = list(recording.notes)
     if words:
@@ -152,65 +170,70 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
     if clock and clock.epoch == "start" and clock.rounding == 60:
         notes.append("times read as hours and minutes")
     if below:
-        notes.append(f"{below} line{'s' * (below > 1)} below the columns left out")
-    mended += int(np.isnan(table).any(axis=0).sum())
-    recording = replace(recording, tracks=layout.turns, track=number)
-    if stated:
-        recording = replace(recording, start_s=begun_s, epoch="1970")
-    return replace(recording, start_s=recording.start_s or start_s, mended_lines=mended, notes=tuple(notes))
+        notes.append(f"{counted(below, 'line')} below the columns left out")
+    if rate_in_rows:
+        recording = replace(recording, start_s=unix_start_s, epoch="1970")
+    return replace(
+        recording,
+        mended_lines=mended + int(np.isnan(table).any(axis=0).sum()),
+        start_s=recording.start_s or start_s,
+        tracks=layout.sensors,
+        track=number,
+        notes=tuple(notes),
+    )
 
 
 # Lines.
 
 
-def _split(lines: Sequence[str], separator: str | None) -> list[list[str]]:
+def _split_fields(lines: Sequence[str], separator: str | None) -> list[list[str]]:
     """Return the fields of each line."""
     if separator is not None and any('"' in line for line in lines):
         with suppress(csv.Error):
             rows = list(csv.reader(lines, delimiter=separator, skipinitialspace=True))
-            if len(rows) == len(lines):  # otherwise a quote is never closed
+            if len(rows) == len(lines):  # otherwise a quotation mark is never closed
                 return rows
     return [line.replace('"', "").split(separator) for line in lines]
 
 
 def _blocks(text: str, first_line: int) -> Iterator[tuple[int, str]]:
-    """Yield the lines from `first_line` on in blocks, with the number of the first line of each."""
+    """Yield the number of the first line and the text of each block of lines, from `first_line` on."""
     start = 0
     for _ in range(first_line - 1):
         start = text.index("\n", start) + 1
     while start < len(text):
-        end = text.find("\n", start + BLOCK) + 1 or len(text)
+        end = text.find("\n", start + BLOCK_SIZE) + 1 or len(text)
         block = text[start:end].removesuffix("\n")
         yield first_line, block
         first_line += block.count("\n") + 1
         start = end
 
 
-# What the columns are.
+# Layout of the columns.
 
 
 @dataclass(frozen=True)
 class _Layout:
-    """How the lines of a text are to be read.
+    """The layout of the columns in a text.
 
     Attributes
     ----------
     separator
         The character between columns; None: spaces.
     kinds
-        What each column holds; "missing" if it is empty.
+        Content of each column; "missing" if it is empty.
     rows
-        Number of lines, of those looked at, that are rows of the columns.
+        Number of rows among the probed lines.
     first
-        Number of the line of the first row.
+        Line number of the first row.
     heading
         The lines above it.
     names
         The heading of each column, "" if it has none.
-    label, turns
-        The column of words by which lines take turns, and these words in their order.
+    sensor_column, sensors
+        The column of words that name the sensor of a line, and these words in their order.
     marks
-        What sets thousands apart in each column, "" if nothing does.
+        Thousands separator of each column, "" if it has none.
     """
 
     separator: str | None
@@ -219,76 +242,80 @@ class _Layout:
     first: int
     heading: tuple[str, ...] = ()
     names: tuple[str, ...] = ()
-    label: int = 0
-    turns: tuple[str, ...] = ("1",)
+    sensor_column: int = 0
+    sensors: tuple[str, ...] = ("1",)
     marks: tuple[str, ...] = ()
 
-    def of(self, kind: Kind) -> list[int]:
+    def columns_of(self, kind: Kind) -> list[int]:
         """Return the columns of one kind."""
         return [column for column, one in enumerate(self.kinds) if one == kind]
 
 
-def _layout(text: str, whole: str) -> _Layout | None:
-    """Return how a text is to be read, None if no line holds a number; comments, its heading, are in `whole` alone."""
+def _layout(text: str, with_comments: str) -> _Layout | None:
+    """Return the layout of a text without comments, None if no line holds a number.
+
+    Its heading is taken from the text with comments, since these may belong to it.
+    """
     lines = ((number, line.strip("\n")) for number, line in enumerate(io.StringIO(text), start=1))
-    probed = list(itertools.islice(((number, line) for number, line in lines if line.strip()), PROBED))
+    probed = list(itertools.islice(((number, line) for number, line in lines if line.strip()), PROBED_LINES))
     for number, line in probed:
-        if len(line) > MAX_LINE:
-            raise ValueError(f"Line {number} has {len(line):,} characters; at most {MAX_LINE:,} are accepted.")
-    found = [one for separator in _SEPARATORS if (one := _layout_by(probed, separator))]
-    if not found:
+        if len(line) > MAX_LINE_LENGTH:
+            raise ValueError(f"Line {number} has {len(line):,} characters; at most {MAX_LINE_LENGTH:,} are accepted.")
+    layouts = [layout for separator in _SEPARATORS if (layout := _layout_with(probed, separator))]
+    if not layouts:
         return None
-    if found[0].separator == "," and _is_one_column([line for _, line in probed], found[0]):
-        found = [one for one in found if one.separator is None] or found
-    most = max(one.rows for one in found)
-    best = min((one for one in found if 2 * one.rows >= most), key=lambda one: len(one.of("word")))
-    heading = [line.strip().lstrip("#%/ \t") for line in itertools.islice(io.StringIO(whole), best.first - 1)]
-    heading = [line for line in heading if line and not (len(best.kinds) > 1 and _SECTION.fullmatch(line))]
-    heading = heading[-MOST_LINES:]
-    best = _with_turns(best, [line for _, line in probed])
-    rows = [row for row in _split([line for _, line in probed], best.separator) if _is_row(row, best)]
-    columns = ([row[column].strip() for row in rows if len(row) > column] for column in range(len(best.kinds)))
-    marks = tuple(_mark_of(texts, best.separator) for texts in columns)
-    return replace(best, heading=tuple(heading), names=_names(heading, best), marks=marks)
+    if layouts[0].separator == "," and _has_decimal_commas([line for _, line in probed], layouts[0]):
+        layouts = [layout for layout in layouts if layout.separator is None] or layouts
+    most_rows = max(layout.rows for layout in layouts)
+    likely = (layout for layout in layouts if 2 * layout.rows >= most_rows)
+    best = min(likely, key=lambda layout: len(layout.columns_of("word")))
+    heading = [line.strip().lstrip("#%/ \t") for line in itertools.islice(io.StringIO(with_comments), best.first - 1)]
+    heading = [line for line in heading if line and not (len(best.kinds) > 1 and _SECTION_TITLE.fullmatch(line))]
+    heading = heading[-MAX_OTHER_LINES:]
+    rows = [row for row in _split_fields([line for _, line in probed], best.separator) if _is_row(row, best)]
+    columns = [[row[column].strip() for row in rows if len(row) > column] for column in range(len(best.kinds))]
+    marks = tuple(_thousands_mark_of_column(texts, best.separator) for texts in columns)
+    best = replace(best, heading=tuple(heading), names=_column_names(heading, best), marks=marks)
+    return _with_sensors(best, columns)
 
 
-def _with_turns(layout: _Layout, lines: Sequence[str]) -> _Layout:
-    """Return a layout with the words of a column that come in turn, one after another, if there is such a column."""
-    rows = [row for row in _split(lines, layout.separator) if _is_row(row, layout)]
-    for column in layout.of("word"):
-        words = [row[column].strip() for row in rows if len(row) > column]
-        turns = tuple(dict.fromkeys(words))
-        again = [word == later for word, later in zip(words, words[len(turns) :], strict=False)]
-        if 1 < len(turns) <= MOST_TURNS and len(again) >= FEWEST_ROWS and sum(again) >= MOSTLY * len(again):
-            return replace(layout, label=column, turns=turns)
+def _with_sensors(layout: _Layout, columns: Sequence[Sequence[str]]) -> _Layout:
+    """Return a layout with its sensors, if the words of a column take turns in a fixed order."""
+    for column in layout.columns_of("word"):
+        words = columns[column]
+        sensors = tuple(dict.fromkeys(words))
+        in_turn = [word == later for word, later in zip(words, words[len(sensors) :], strict=False)]
+        are_enough = 1 < len(sensors) <= MAX_SENSORS and len(in_turn) >= MIN_ROWS
+        if are_enough and sum(in_turn) >= MIN_CONFORMING_SHARE * len(in_turn):
+            return replace(layout, sensor_column=column, sensors=sensors)
     return layout
 
 
-def _of_one(text: str, layout: _Layout, word: str) -> str:
-    """Return a text with blanks in place of the rows of others, so that its lines keep their numbers."""
+def _rows_of_sensor(text: str, layout: _Layout, sensor: str) -> str:
+    """Return a text in which the rows of other sensors are blank, so that all lines keep their numbers."""
     lines = text.split("\n")
-    for number, row in enumerate(_split(lines[layout.first - 1 :], layout.separator), start=layout.first - 1):
-        if len(row) > layout.label and row[layout.label].strip() != word:
+    for number, row in enumerate(_split_fields(lines[layout.first - 1 :], layout.separator), start=layout.first - 1):
+        if len(row) > layout.sensor_column and row[layout.sensor_column].strip() != sensor:
             lines[number] = ""
     return "\n".join(lines)
 
 
-def _is_one_column(lines: Sequence[str], layout: _Layout) -> bool:
-    """Return whether what looks like two columns of integers is one of numbers with a decimal comma.
+def _has_decimal_commas(lines: Sequence[str], layout: _Layout) -> bool:
+    """Return whether apparent columns of integers, separated by commas, are one column of decimal commas.
 
-    There, the digits after the comma have no sign, and some begin with 0, or the integer is -0.
+    Then the digits after the comma have no sign, and some begin with 0, or some integer is -0.
     """
-    rows = [row for row in _split(lines, ",") if _is_row(row, layout)]
+    rows = [row for row in _split_fields(lines, ",") if _is_row(row, layout)]
     if layout.kinds != ("number", "number") or not all(row[1].isdigit() for row in rows):
         return False
     return any(row[0].strip() == "-0" or (row[1][0] == "0" and len(row[1]) > 1) for row in rows)
 
 
-def _layout_by(lines: Sequence[tuple[int, str]], separator: str | None) -> _Layout | None:
-    """Return how lines are to be read by a separator, None if that finds no column of numbers."""
+def _layout_with(lines: Sequence[tuple[int, str]], separator: str | None) -> _Layout | None:
+    """Return the layout of numbered lines with a given separator, None if it gives no column of numbers."""
     if separator and not any(separator in line for _, line in lines):
         return None
-    rows = _split([line for _, line in lines], separator)
+    rows = _split_fields([line for _, line in lines], separator)
     rows = [row if len(row) <= MAX_FIELDS else [] for row in rows]
     kinds = [[_kind(field) for field in row] for row in rows]
     widths = Counter(len(row) for row in kinds if "number" in row)
@@ -300,12 +327,12 @@ def _layout_by(lines: Sequence[tuple[int, str]], separator: str | None) -> _Layo
     fitting = [_is_row(row, layout) for row in rows]
     if "number" not in layout.kinds or not any(fitting):
         return None
-    # A line of the heading may look like a row; but lines after the first row are rows as well, all of them if there
-    # is anything beside the first.
-    beside, first = layout.of("missing"), fitting.index(True)
+    # A line of the heading may look like a row, but after the first row most lines are rows: all of them if the line
+    # holds text in a column that is otherwise empty.
+    empty, first = layout.columns_of("missing"), fitting.index(True)
     for row, fits in enumerate(fitting):
-        later = fitting[row + 1 : row + 1 + FEWEST_ROWS]
-        has_more = any(rows[row][column].strip() for column in beside if column < len(rows[row]))
+        later = fitting[row + 1 : row + 1 + MIN_ROWS]
+        has_more = any(rows[row][column].strip() for column in empty if column < len(rows[row]))
         if fits and (all(later) if has_more else 2 * sum(later) >= len(later)):
             first = row
             break
@@ -316,57 +343,57 @@ def _kind(field: str) -> Kind:
     field = field.strip()
     if _MISSING.fullmatch(field):
         return "missing"
-    return "number" if _number(field) is not None else "stamp" if is_stamp(field) else "word"
+    return "number" if _parse_number(field) is not None else "stamp" if is_stamp(field) else "word"
 
 
 def _kind_of_column(kinds: Sequence[Kind]) -> Kind:
     counts = Counter(kinds)
-    if len(kinds) - counts["missing"] < SPARSE * len(kinds) or counts["missing"] == len(kinds):
+    if len(kinds) - counts["missing"] < MIN_FILLED_SHARE * len(kinds) or counts["missing"] == len(kinds):
         return "missing"
     return max(("number", "stamp", "word"), key=lambda kind: counts[kind])
 
 
 def _is_row(row: Sequence[str], layout: _Layout) -> bool:
-    """Return whether the fields of a line are those of a row, at least half of its numbers there."""
-    there = 0
+    """Return whether the fields of a line are those of a row, with at least half of its numbers."""
+    number_count = 0
     for column, kind in enumerate(layout.kinds):
         if kind in ("number", "stamp"):
             found = _kind(row[column]) if column < len(row) else "word"
             if found not in (kind, "missing"):
                 return False
-            there += kind == found == "number"
-    return 2 * there >= len(layout.of("number")) and not any(map(str.strip, row[len(layout.kinds) :]))
+            number_count += kind == found == "number"
+    return 2 * number_count >= len(layout.columns_of("number")) and not any(map(str.strip, row[len(layout.kinds) :]))
 
 
-def _number(field: str, mark: str = "") -> float | None:
-    """Return the number in a field: with a decimal comma, thousands set apart or a unit as well; None if there is none.
+def _parse_number(field: str, mark: str = "") -> float | None:
+    """Return the number in a field, which may have a decimal comma, thousands separators or a unit; None if none.
 
-    A single comma or point sets thousands apart only if it is the `mark` of the column.
+    A single comma or point separates thousands only if it is the `mark` of the column.
     """
     if "_" in field:
         return None
-    if (grouped := _mark_of_thousands(field)) or mark:
+    if (grouped := _thousands_mark(field)) or mark:
         field = field.replace(grouped or mark, "")
     for text in (field, field.replace(",", ".")):
         with suppress(ValueError):
             return float(text)
-    with_unit = _WITH_UNIT.fullmatch(field)
-    return _number(with_unit[1], mark) if with_unit else None
+    with_unit = _NUMBER_WITH_UNIT.fullmatch(field)
+    return _parse_number(with_unit[1], mark) if with_unit else None
 
 
-def _mark_of_thousands(field: str) -> str:
-    """Return the mark that sets the thousands of a number apart, if it cannot be a decimal one; otherwise ""."""
+def _thousands_mark(field: str) -> str:
+    """Return the thousands separator of a number, if it cannot be a decimal mark; otherwise ""."""
     found = _GROUPED.fullmatch(field)
     is_clear = found and (found["mark"] in "' " or found["rest"] or field.count(found["mark"]) > 1)
     return found["mark"] if found and is_clear else ""
 
 
-def _mark_of(texts: Sequence[str], separator: str | None) -> str:
-    """Return the mark that sets thousands apart in a column, "" if none does.
+def _thousands_mark_of_column(texts: Sequence[str], separator: str | None) -> str:
+    """Return the thousands separator of a column, "" if it has none.
 
-    In quotes between commas, 1,234 is a thousand beside whole numbers that are less.
+    Between commas as separators, a quoted "1,234" holds a thousand if other numbers are integers below a thousand.
     """
-    mark = next(filter(None, map(_mark_of_thousands, texts)), "")
+    mark = next(filter(None, map(_thousands_mark, texts)), "")
     if mark or separator != ",":
         return mark
     with_comma = [text for text in texts if "," in text]
@@ -374,12 +401,12 @@ def _mark_of(texts: Sequence[str], separator: str | None) -> str:
     return "," if are_thousands and any(re.fullmatch(r"[-+]?\d{1,3}", text) for text in texts) else ""
 
 
-def _names(heading: Sequence[str], layout: _Layout) -> tuple[str, ...]:
-    """Return the heading of each column: what the lines directly above the first row say, from top to bottom."""
+def _column_names(heading: Sequence[str], layout: _Layout) -> tuple[str, ...]:
+    """Return the heading of each column: its fields in the lines directly above the first row, top to bottom."""
     width = len(layout.kinds)
     names: list[list[str]] = []
-    for line in reversed(heading[-HEADING:]):
-        fields = [field.strip() for field in _split([line], layout.separator)[0]]
+    for line in reversed(heading[-MAX_NAME_LINES:]):
+        fields = [field.strip() for field in _split_fields([line], layout.separator)[0]]
         if layout.separator is None and len(fields) != width:
             fields = re.split(r"\s{2,}|\t", line.strip())
         while len(fields) > width and not fields[-1]:
@@ -387,121 +414,127 @@ def _names(heading: Sequence[str], layout: _Layout) -> tuple[str, ...]:
         if len(fields) != width or (width == 1 and names) or not any(_kind(field) == "word" for field in fields):
             break
         if names and any(
-            (named := pattern.search(line)) and _quantity(line, named.end(), 1, layout) for pattern in (_RATE, _STEP)
+            (named := pattern.search(line)) and _quantity_at(line, named.end(), 1, layout)
+            for pattern in (_RATE_WORDS, _STEP_WORDS)
         ):
             break
         names.insert(0, fields)
     return tuple(" ".join(filter(None, parts)) for parts in zip(*names, strict=True)) or ("",) * width
 
 
-def _stated(layout: _Layout) -> tuple[float | None, float]:
-    """Return the sampling rate that the heading states, None if none, and the time of the first sample, s."""
+def _stated_rate_and_start(layout: _Layout) -> tuple[float | None, float]:
+    """Return the sampling rate in the heading, Hz, None if there is none, and the time of the first sample, s."""
     rate, start_s = None, 0.0
-    rows = [_split([line], layout.separator)[0] for line in layout.heading]
+    rows = [_split_fields([line], layout.separator)[0] for line in layout.heading]
     for line, row, below in zip(layout.heading, rows, [*rows[1:], []], strict=False):
-        under = {field.strip().lower(): value for field, value in zip(row, below, strict=False)}
-        start_s = _number(under.get("start", "")) or start_s
-        for pattern, power in ((_RATE, 1), (_STEP, -1)):
+        under = {field.strip().lower(): text for field, text in zip(row, below, strict=False)}
+        start_s = _parse_number(under.get("start", "")) or start_s
+        for pattern, power in ((_RATE_WORDS, 1), (_STEP_WORDS, -1)):
             if rate is None and (named := pattern.search(line)):
-                beneath = next((value for field, value in under.items() if pattern.search(field)), "")
-                value = _quantity(line, named.end(), power, layout) or _quantity(beneath, 0, power, layout)
+                beneath = next((text for field, text in under.items() if pattern.search(field)), "")
+                value = _quantity_at(line, named.end(), power, layout) or _quantity_at(beneath, 0, power, layout)
                 rate = value**power if value else None
-        if rate is None and (each := _EACH.search(line)):
-            rate = 1 / (float(each[1]) * (unit_of(each[2]) or 1.0))
+        if rate is None and (interval := _SECONDS_PER_SAMPLE.search(line)):
+            rate = 1 / (float(interval[1]) * (time_unit(interval[2]) or 1.0))
     return rate, start_s
 
 
-def _start_and_rate(table: npt.NDArray[np.float64]) -> tuple[float, float]:
-    """Return the start, Unix seconds, and the rate that the first two rows state, alike in all columns; else 0, 0."""
-    low, high = UNIX_S
-    if table.shape[1] < FEWEST_ROWS or np.ptp(table[:, :2], axis=0).any() or (np.abs(table[:, 2:]) >= low).any():
+def _start_and_rate_in_rows(table: npt.NDArray[np.float64]) -> tuple[float, float]:
+    """Return the start, Unix seconds, and the rate, Hz, in the first two rows, as wearables write them; otherwise 0, 0.
+
+    Both are the same in all columns.
+    """
+    low, high = UNIX_RANGE_S
+    if table.shape[1] < MIN_ROWS or np.ptp(table[:, :2], axis=0).any() or (np.abs(table[:, 2:]) >= low).any():
         return 0.0, 0.0
     start_s, rate = table[0, :2].tolist()
     return (start_s, rate) if low <= start_s < high and rate > 0 else (0.0, 0.0)
 
 
-def _quantity(text: str, place: int, power: int, layout: _Layout) -> float:
-    """Return the rate, Hz (power 1), or the interval, s (-1), that stands at a place of a heading; 0 if none does."""
-    said = _QUANTITY.match(text, place)
-    if said is None:
+def _quantity_at(text: str, place: int, power: int, layout: _Layout) -> float:
+    """Return the rate, Hz (power 1), or interval, s (power -1), at a place in a heading; 0 if there is none."""
+    found = _QUANTITY.match(text, place)
+    if found is None:
         return 0.0
-    number, unit = said["grouped"], said["within"] or said["unit"] or ""
+    number, unit = found["grouped"], found["within"] or found["unit"] or ""
     if number:
         number = number.replace(" ", "").replace(",", "." if layout.separator == ";" else "")
-    elif layout.separator == "," and "," in said["number"]:  # the next field
-        number, unit = said["number"].partition(",")[0], said["within"] or ""
+    elif layout.separator == "," and "," in found["number"]:  # the next field
+        number, unit = found["number"].partition(",")[0], found["within"] or ""
     else:
-        number = said["number"].replace(",", ".")
-    value, prefix, per = float(number), _PREFIX.match(unit), _PER.fullmatch(unit)
-    if not LEAST_STATED < value < MOST_STATED:
+        number = found["number"].replace(",", ".")
+    value, prefix, per = float(number), _UNIT_PREFIX.match(unit), _PER_UNIT.fullmatch(unit)
+    if not MIN_STATED < value < MAX_STATED:
         return 0.0
-    seconds = unit_of(unit) or 1.0
+    seconds = time_unit(unit) or 1.0
     if power < 0:
         return value * seconds
     if per:
-        value /= unit_of(per[1] or per[2]) or 1.0
+        value /= time_unit(per[1] or per[2]) or 1.0
     elif seconds != 1.0:  # every 5 min
         return 1 / (value * seconds)
-    return value * (_PREFIXES[prefix[1]] if prefix else 1.0)
+    return value * (_PREFIX_FACTORS[prefix[1]] if prefix else 1.0)
 
 
 def _without_footer(text: str, layout: _Layout) -> tuple[str, int]:
-    """Return the text up to its last row, and the number of lines below that."""
+    """Return the text up to its last row, and the number of lines below it."""
     end, below = len(text.rstrip()), 0
-    while layout.rows >= FEWEST_ROWS and below <= MOST_LINES and end > 0:
+    while layout.rows >= MIN_ROWS and below <= MAX_OTHER_LINES and end > 0:
         start = text.rfind("\n", 0, end) + 1
-        if _is_row(_split([text[start:end]], layout.separator)[0], layout):
+        if _is_row(_split_fields([text[start:end]], layout.separator)[0], layout):
             return text[:end], below
         below += 1
-        end = len(text[:start].rstrip()) if end - start < MAX_LINE else 0
+        end = len(text[:start].rstrip()) if end - start < MAX_LINE_LENGTH else 0
     return text, 0
 
 
-# Reading them.
+# The values.
 
 
-def _read(text: str, layout: _Layout) -> tuple[npt.NDArray[np.float64], dict[int, list[str]], npt.NDArray[np.int64]]:
-    """Return the (columns, rows) of numbers, NaN where missing; the texts of each column of times; the rows' lines."""
-    numbers, parts, lines = layout.of("number"), [], []
-    stamps: dict[int, list[str]] = {column: [] for column in layout.of("stamp")}
-    heading = {line.strip() for line in layout.heading[-HEADING:]}
+def _read_rows(
+    text: str, layout: _Layout
+) -> tuple[npt.NDArray[np.float64], dict[int, list[str]], npt.NDArray[np.int64]]:
+    """Return (columns, rows) numbers, NaN where missing; the texts of each column of times; each row's line number."""
+    numbers, tables, line_numbers = layout.columns_of("number"), [], []
+    stamps: dict[int, list[str]] = {column: [] for column in layout.columns_of("stamp")}
+    heading = {line.strip() for line in layout.heading[-MAX_NAME_LINES:]}
     for first, block in _blocks(text, layout.first):
-        table, size = _quick(block, layout), block.count("\n") + 1
+        table, size = _read_numbers(block, layout), block.count("\n") + 1
         if table is not None and table.shape[1] == size:
             places = np.arange(first, first + size)
         else:
-            whole = block.split("\n")
-            # A logger that is started anew writes its heading again.
-            left_out = {"", *heading} if table is None else {""}
-            kept = [(row, line) for row, line in enumerate(whole, start=first) if line.strip() not in left_out]
-            places = np.array([row for row, _ in kept], dtype=np.int64)
+            lines = block.split("\n")
+            # A logger writes its heading again when it is restarted.
+            skipped = {"", *heading} if table is None else {""}
+            kept = [(number, line) for number, line in enumerate(lines, start=first) if line.strip() not in skipped]
+            places = np.array([number for number, _ in kept], dtype=np.int64)
         if table is None:
-            columns = _checked(_split([line for _, line in kept], layout.separator), places, layout)
-            table = np.array([_values(columns[column], places, column, layout) for column in numbers])
+            columns = _columns_of_rows(_split_fields([line for _, line in kept], layout.separator), places, layout)
+            table = np.array([_parse_column(columns[column], places, column, layout) for column in numbers])
             for column, texts in stamps.items():
                 texts.extend(map(str.strip, columns[column]))
-        parts.append(table)
-        lines.append(places)
-    return np.concatenate(parts, axis=1), stamps, np.concatenate(lines)
+        tables.append(table)
+        line_numbers.append(places)
+    return np.concatenate(tables, axis=1), stamps, np.concatenate(line_numbers)
 
 
-def _without_nines(table: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Return a table with NaN for -9999, 9999.9 and the like, where the rest of a column is nowhere near.
+def _without_sentinels(table: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return a table with NaN in place of -9999, 9999.9 and the like, which loggers write for a missing value.
 
-    Loggers write them for a missing value. The rest is near if it comes as close as its own values lie apart.
+    Such an extreme is a sentinel if it is farther from the other values of its column than those are from each other.
     """
     for column in table:
         for extreme in (np.nanmin(column), np.nanmax(column)) if np.isfinite(column).any() else ():
             rest = column[(column != extreme) & np.isfinite(column)]
-            if not _NINES.fullmatch(f"{extreme:.10g}") or rest.size < FEWEST_ROWS:
-                continue
-            if 0 < np.ptp(rest) < np.abs(rest - extreme).min():  # not one of two values, as of a trigger
+            may_be_sentinel = _SENTINEL.fullmatch(f"{extreme:.10g}") and rest.size >= MIN_ROWS
+            # A trigger has only two values, one of which may look like a sentinel.
+            if may_be_sentinel and 0 < np.ptp(rest) < np.abs(rest - extreme).min():
                 column[column == extreme] = np.nan
     return table
 
 
-def _quick(block: str, layout: _Layout) -> npt.NDArray[np.float64] | None:
-    """Return the columns of a block that holds plain numbers alone; otherwise None."""
+def _read_numbers(block: str, layout: _Layout) -> npt.NDArray[np.float64] | None:
+    """Return the columns of a block if it holds only plain numbers; otherwise None."""
     if set(layout.kinds) != {"number"} or any(layout.marks) or not block.strip():
         return None
     with suppress(ValueError):
@@ -512,9 +545,9 @@ def _quick(block: str, layout: _Layout) -> npt.NDArray[np.float64] | None:
     return None
 
 
-def _checked(rows: list[list[str]], lines: npt.NDArray[np.int64], layout: _Layout) -> list[tuple[str, ...]]:
+def _columns_of_rows(rows: list[list[str]], lines: npt.NDArray[np.int64], layout: _Layout) -> list[tuple[str, ...]]:
     """Return the columns of rows; ValueError if one has more or fewer fields than the rest."""
-    width, needed = len(layout.kinds), max((*layout.of("number"), *layout.of("stamp"))) + 1
+    width, needed = len(layout.kinds), max((*layout.columns_of("number"), *layout.columns_of("stamp"))) + 1
     if set(map(len, rows)) != {width}:
         for row, line in zip(rows, lines, strict=True):
             if len(row) < needed or any(map(str.strip, row[width:])):
@@ -526,40 +559,40 @@ def _checked(rows: list[list[str]], lines: npt.NDArray[np.int64], layout: _Layou
     return list(zip(*rows, strict=True)) or [()] * width
 
 
-def _values(texts: Sequence[str], lines: npt.NDArray[np.int64], column: int, layout: _Layout) -> Vector:
-    """Return the numbers of a column, NaN where missing; ValueError about anything else."""
+def _parse_column(texts: Sequence[str], lines: npt.NDArray[np.int64], column: int, layout: _Layout) -> Vector:
+    """Return the numbers of a column, NaN where missing; ValueError for anything else."""
     mark = layout.marks[column]
-    commas = layout.separator != "," and any("," in text for text in texts[:PROBED])
+    commas = layout.separator != "," and any("," in text for text in texts[:PROBED_LINES])
     with suppress(ValueError):
         if not mark and not any("_" in text for text in texts):
             plain = (text.replace(",", ".") for text in texts) if commas else texts
             return np.fromiter(map(float, plain), np.float64, len(texts))
     values = np.empty(len(texts))
     for row, text in enumerate(map(str.strip, texts)):
-        value = np.nan if _MISSING.fullmatch(text) else _number(text, mark)
+        value = np.nan if _MISSING.fullmatch(text) else _parse_number(text, mark)
         if value is None:
-            raise _unreadable(lines[row], text, column, layout, "numbers")
+            raise _field_error(lines[row], text, column, layout, "numbers")
         values[row] = value
     return values
 
 
-def _unreadable(line: int, text: str, column: int, layout: _Layout, expected: str) -> ValueError:
+def _field_error(line: int, text: str, column: int, layout: _Layout, expected: str) -> ValueError:
     place = f" in {column_name(column + 1, layout.names[column])}" if len(layout.kinds) > 1 else ""
     return ValueError(
         f"Line {line} holds {quote(text)}{place}, where other lines hold {expected}; correct or remove it."
     )
 
 
-# Their times.
+# The times.
 
 
 def _clock_of_stamps(
     layout: _Layout, stamps: dict[int, list[str]], table: npt.NDArray[np.float64], lines: npt.NDArray[np.int64]
 ) -> tuple[Times | None, int | None]:
-    """Return the times that dates and times of day give, and the index of a column of numbers that refines them.
+    """Return the times in columns of dates and times of day, and the index of a column with their fractions, or None.
 
-    A date and a time of day may stand in two columns, and fractions of seconds in a third. A date alone that stays the
-    same, or a version that looks like one, is no clock.
+    A date and a time of day may be in two columns, and fractions of seconds in a third. A date that never changes, or
+    a version number that looks like one, is not a clock.
     """
     parts = {
         column: date_and_clock(next((text for text in texts if is_stamp(text)), "")) for column, texts in stamps.items()
@@ -575,13 +608,15 @@ def _clock_of_stamps(
     times = read_stamps(texts)
     for row in np.flatnonzero(np.isnan(times.seconds)):
         if not _MISSING.fullmatch(stamps[column][row]):
-            raise _unreadable(int(lines[row]), texts[row], column, layout, "times")
-    for index, number in enumerate(layout.of("number")):
-        unit = unit_of(layout.names[number])
+            raise _field_error(int(lines[row]), texts[row], column, layout, "times")
+    for index, number in enumerate(layout.columns_of("number")):
+        unit = time_unit(layout.names[number])
         if unit is None or not unit < times.rounding <= 1:
             continue
-        finer = table[index] * unit
-        if finer.min() >= 0 and 0 < finer.max() < 1:
-            start_s = times.start_s + float(finer[0])
-            return Times(times.seconds + finer - finer[0], start_s, times.epoch, granule(table[index]) * unit), index
+        fraction = table[index] * unit
+        if fraction.min() >= 0 and 0 < fraction.max() < 1:
+            start_s = times.start_s + float(fraction[0])
+            return Times(
+                times.seconds + fraction - fraction[0], start_s, times.epoch, rounding_step(table[index]) * unit
+            ), index
     return times, None

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.io.arrays import NPY_MAGIC, mat_arrays, npy, npz_arrays, parse_npy
-from stereolag.io.images import LARGEST_UINT16, image_png, image_tiff, parse_netpbm, parse_pfm, read_image
+from stereolag.io.images import MAX_UINT16, image_png, image_tiff, parse_netpbm, parse_pfm, read_image
 from stereolag.io.sources import ZIP_MAGIC, Source, check_pixels, quote, read_archive, read_bytes, write_file
 
 MAP = "disparity map"
@@ -330,7 +330,7 @@ def check_kitti(disparity: npt.ArrayLike) -> None:
             return
         low, high = float(known.min()), float(known.max())
     first, last = np.rint(low * KITTI_SCALE), np.rint(high * KITTI_SCALE)
-    if first < MIN_KITTI_PX * KITTI_SCALE or last > LARGEST_UINT16:
+    if first < MIN_KITTI_PX * KITTI_SCALE or last > MAX_UINT16:
         raise ValueError(
             f"disparity reaches from {low:.2f} to {high:.2f} px; KITTI's PNG holds 0 to 255.99 px, "
             "PFM and NPY hold any."
@@ -436,7 +436,7 @@ DISPARITY_FORMATS = {
 
 def confidence_png(confidence: npt.ArrayLike) -> bytes:
     """Return a confidence, 0..1, as a 16-bit grey PNG: × 65535, at least 1; 0 for NaN."""
-    return counts_png(np.clip(np.asarray(confidence), 0, 1) * LARGEST_UINT16)
+    return counts_png(np.clip(np.asarray(confidence), 0, 1) * MAX_UINT16)
 
 
 def counts_png(numbers: npt.NDArray[np.floating[Any]]) -> bytes:
@@ -455,7 +455,7 @@ DEPTH_MAP = "depth map"
 
 MM_PER_M = 1000.0
 
-MAX_PNG_DEPTH_M = LARGEST_UINT16 / MM_PER_M
+MAX_PNG_DEPTH_M = MAX_UINT16 / MM_PER_M
 """Maximum depth that a PNG holds, metres."""
 
 
@@ -535,12 +535,12 @@ def depth_png(depth: npt.ArrayLike) -> bytes:
     Pixels beyond 65.535 m are also 0; :func:`too_far` counts them.
     """
     millimetres = _millimetres(depth)
-    return counts_png(np.where(millimetres <= LARGEST_UINT16, millimetres, np.nan))
+    return counts_png(np.where(millimetres <= MAX_UINT16, millimetres, np.nan))
 
 
 def too_far(depth: npt.ArrayLike) -> int:
     """Return the number of pixels of a depth map that are farther than a PNG can hold, 65.535 m."""
-    return int((_millimetres(depth) > LARGEST_UINT16).sum())
+    return int((_millimetres(depth) > MAX_UINT16).sum())
 
 
 def _valid_depth(depth: npt.ArrayLike) -> npt.NDArray[np.float32]:

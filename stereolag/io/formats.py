@@ -1,4 +1,4 @@
-"""Kinds of files that hold a recording, and of others, by their first bytes; what is accepted, in words."""
+"""Formats of recordings and of other files, recognised by their first bytes; the list of accepted formats."""
 
 from __future__ import annotations
 
@@ -7,22 +7,23 @@ import re
 from dataclasses import dataclass
 
 WHAT = "recording"
+"""The name of these files in errors."""
 
 
 @dataclass(frozen=True)
 class SoundFormat:
-    """A family of files that hold sound.
+    """A file format that holds sound.
 
     Attributes
     ----------
     name, suffixes
-        Its name, and the endings of its files.
+        Its name, and the suffixes of its files.
     mark
         Matches the beginning of its files.
     demuxer
         Its reader in FFmpeg.
     is_audio
-        Whether libsndfile reads it; FFmpeg then reads what libsndfile cannot.
+        Whether libsndfile reads it first, and FFmpeg only if that fails.
     states_delay
         Whether it can state the delay that its codec adds at the beginning.
     """
@@ -36,7 +37,7 @@ class SoundFormat:
 
     @property
     def a_file(self) -> str:
-        """Return the name of one of its files in a sentence: "an MP3 file"."""
+        """The format in a sentence: "an MP3 file"."""
         article = "an" if self.name in _AFTER_AN else "a"
         return f"{article} {self.name} file"
 
@@ -69,60 +70,62 @@ SOUND_FORMATS = (
 )
 
 
-ARRAY_SUFFIXES = ("npy", "npz", "mat")
-COLUMN_SUFFIXES = ("csv", "txt", "tsv", "dat", "asc", "lvm", "log", "json", "jsonl")
-RECORDING_SUFFIXES = (*(ending for one in SOUND_FORMATS for ending in one.suffixes), *ARRAY_SUFFIXES, *COLUMN_SUFFIXES)
+RECORDING_SUFFIXES = (
+    *(suffix for one in SOUND_FORMATS for suffix in one.suffixes),
+    *("npy", "npz", "mat"),
+    *("csv", "txt", "tsv", "dat", "asc", "lvm", "log", "json", "jsonl"),
+)
 ACCEPTED = (
     f"{', '.join(one.name for one in SOUND_FORMATS if one.is_audio)}; the sound of MP4, M4A, MOV, MKV, WebM, AVI, AAC, "
     "3GP, AMR, Windows Media, FLV and MPEG; NPY, NPZ and MAT; and columns of numbers (CSV, TXT)"
 )
 
-_AS_NUMBERS = "export its numbers as CSV, NPY or WAV"
+_EXPORT_NUMBERS = "export its numbers as CSV, NPY or WAV"
 UNPACK = "unpack it"
-_NO_RECORDING = "a recording is sound or numbers"
+_NOT_A_RECORDING = "a recording is sound or numbers"
 FOREIGN_FORMATS = tuple(
     (re.compile(mark, re.DOTALL), name, remedy)
     for mark, name, remedy in (
         (rb"MATLAB 7\.\d MAT-file", "a MATLAB file of version 7.3 (HDF5)", "save it by save(file, '-v7')"),
-        (rb"\x89HDF", "an HDF5 file", _AS_NUMBERS),
+        (rb"\x89HDF", "an HDF5 file", _EXPORT_NUMBERS),
         (rb"\xd0\xcf\x11\xe0", "a file of older Excel or Word (XLS, DOC)", "save the sheet as CSV"),
-        (rb"TDSm", "a TDMS file of LabVIEW", _AS_NUMBERS),
-        (rb"0 {7}[^\n]{160}\d\d\.\d\d\.\d\d|\xffBIOSEMI", "an EDF or BDF file", _AS_NUMBERS),
-        (rb"PAR1|ARROW1|FEA1", "a Parquet or Arrow file", _AS_NUMBERS),
-        (rb"CDF[\x01\x02\x05]", "a NetCDF file", _AS_NUMBERS),
-        (rb"SIMPLE  =", "a FITS file", _AS_NUMBERS),
-        (rb"SQLite format 3", "a database of SQLite", _AS_NUMBERS),
+        (rb"TDSm", "a TDMS file of LabVIEW", _EXPORT_NUMBERS),
+        (rb"0 {7}[^\n]{160}\d\d\.\d\d\.\d\d|\xffBIOSEMI", "an EDF or BDF file", _EXPORT_NUMBERS),
+        (rb"PAR1|ARROW1|FEA1", "a Parquet or Arrow file", _EXPORT_NUMBERS),
+        (rb"CDF[\x01\x02\x05]", "a NetCDF file", _EXPORT_NUMBERS),
+        (rb"SIMPLE  =", "a FITS file", _EXPORT_NUMBERS),
+        (rb"SQLite format 3", "a database of SQLite", _EXPORT_NUMBERS),
         (rb"\x80[\x02-\x05][\x8c\x95c}\](]", "a pickle of Python", "save the array by numpy.save"),
         (rb"MThd", "a MIDI file (notes, no sound)", "export it as WAV"),
         (rb"wvpk|MAC |TTA1|DSD |MP\+|MPCK|tBaK", "an audio file of a rare kind", "export it as WAV or FLAC"),
         (rb"\x1f\x8b|BZh|\xfd7zXZ|7z\xbc\xaf|Rar!|\x28\xb5\x2f\xfd", "a packed archive", UNPACK),
-        (rb"%PDF", "a PDF", _AS_NUMBERS),
-        (rb"\x89PNG|\xff\xd8\xff|GIF8|II\*\0|MM\0\*|RIFF....WEBP|BM....\0\0\0\0", "a picture", _NO_RECORDING),
-        (rb"\x7fELF|MZ.{0,20}\0", "a program", _NO_RECORDING),
-        (rb"\s*<(?i:!doctype|html|\?xml|svg|gpx)", "an HTML or XML file", _AS_NUMBERS),
+        (rb"%PDF", "a PDF", _EXPORT_NUMBERS),
+        (rb"\x89PNG|\xff\xd8\xff|GIF8|II\*\0|MM\0\*|RIFF....WEBP|BM....\0\0\0\0", "a picture", _NOT_A_RECORDING),
+        (rb"\x7fELF|MZ.{0,20}\0", "a program", _NOT_A_RECORDING),
+        (rb"\s*<(?i:!doctype|html|\?xml|svg|gpx)", "an HTML or XML file", _EXPORT_NUMBERS),
         (rb"\{\\rtf", "a text with layout (RTF)", "save it as plain text"),
-        # But columns may be an object a line.
+        # Not JSON objects without nested values, which are read as columns.
         (
             rb"(?!\s*\[?\s*\{[^\[\]{}\n]+\}\s*(?:,?\s*[\]{]|\Z))\s*[\[{]\s*(?:[\[{\"\]}]|-?\d[\d.eE+-]*\s*(?:,|\]?\s*\Z))",
             "a JSON file",
-            _AS_NUMBERS,
+            _EXPORT_NUMBERS,
         ),
     )
 )
-"""Files of other kinds by their beginning: what they are, and what to do with them."""
+"""Files of other kinds: the beginning, a name for an error, and what to do with them."""
 
-_CONTROLS = bytes(set(range(32)) - set(b"\0\t\n\v\f\r\x1a\x1b")) + b"\x7f"
-_MOST_CONTROLS = 0.01
-"""Share of control bytes in the beginning of a file above which it is no text."""
+_CONTROL_BYTES = bytes(set(range(32)) - set(b"\0\t\n\v\f\r\x1a\x1b")) + b"\x7f"
+_MAX_CONTROL_SHARE = 0.01
+"""Share of control bytes in the beginning of a file above which it is not text."""
 
 
 def sound_format(head: bytes) -> SoundFormat | None:
-    """Return the format of a file by its beginning, None if it holds no known sound."""
+    """Return the format of a file by its beginning, None if it is not a known format of sound."""
     return next((one for one in SOUND_FORMATS if one.mark.match(head)), None)
 
 
 def check_text(head: bytes) -> None:
-    """Refuse a file that is known to be of another kind, or no text at all.
+    """Refuse a file of a known kind that is not a recording, or one that is not text.
 
     Raises
     ------
@@ -135,9 +138,9 @@ def check_text(head: bytes) -> None:
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return
     nuls = head.count(0)
-    controls = len(head) - len(head.translate(None, _CONTROLS))
+    controls = len(head) - len(head.translate(None, _CONTROL_BYTES))
     is_utf_16 = nuls and 0 in (head[::2].count(0), head[1::2].count(0))
-    if controls > max(1, _MOST_CONTROLS * len(head)) or (nuls > 0.1 * len(head) and not is_utf_16):
+    if controls > max(1, _MAX_CONTROL_SHARE * len(head)) or (nuls > 0.1 * len(head) and not is_utf_16):
         raise ValueError(
             f"The {WHAT} is neither a known file nor a text: it begins with the bytes {head[:6].hex(' ')}; accepted "
             f"are {ACCEPTED}."

@@ -1,9 +1,9 @@
-"""The guard: strangers' files are read in processes of their own, with limits on time and memory.
+"""The guard: untrusted files are read in worker processes, with limits on time and memory.
 
 A reader is a plain function from bytes to their content. A script calls it directly: for its own files the limits on
 pixels and samples are enough. A server calls it through :func:`guarded`, in a worker process: if a file
 takes more time or memory than is allowed, or crashes its decoder, that worker ends, and the server and its other
-visitors do not notice. Workers are started ahead, so that nobody waits for one to start or to be replaced.
+visitors are not affected. Workers are started ahead, so that nobody waits for one to start or to be replaced.
 """
 
 from __future__ import annotations
@@ -31,22 +31,26 @@ from stereolag.core.jobs import PREFIX, limits, machine_memory, set_defaults
 P = ParamSpec("P")
 T = TypeVar("T")
 
-READING_S = 5.0
-"""Processor time allowed for one file at the usual limits of a server; more where these are higher."""
-USUAL_MEGAPIXELS, USUAL_MEGASAMPLES = 50, 30
-PATIENCE = 3
-"""By the clock, reading may take this many times as long: the machine may be busy."""
+MAX_CPU_S = 5.0
+"""Processor time allowed for one file, up to the two limits below; in proportion to higher limits."""
+REFERENCE_MEGAPIXELS = 50
+"""Limit on the size of images up to which `MAX_CPU_S` is allowed."""
+REFERENCE_MEGASAMPLES = 30
+"""Limit on the size of recordings up to which `MAX_CPU_S` is allowed."""
+WALL_CLOCK_FACTOR = 3
+"""Elapsed time allowed for one file, as a multiple of its processor time: the machine may be busy."""
 
-MEMORY = 2**29
+BASE_MEMORY_BYTES = 2**29
+"""Memory allowed for one file, apart from its values."""
 BYTES_PER_VALUE = 16
-"""Memory allowed for one file: `MEMORY`, and so much for each pixel and sample of the largest file accepted."""
+"""Memory allowed in addition for each pixel and sample of the largest files accepted."""
 
-AT_ONCE = 8
-"""Most files read at a time."""
-SPARES = 2
-"""Most workers kept while there is nothing to read."""
-KEPT_OPEN = 4
-"""Most files kept open at a time; when another is needed, it is opened again."""
+MAX_CONCURRENT_JOBS = 8
+"""Files read at a time."""
+MAX_IDLE_WORKERS = 2
+"""Workers kept while there is nothing to read."""
+MAX_OPEN_FILES = 4
+"""Files kept open at a time; a closed one is opened again when it is needed."""
 
 TOO_SLOW = "The file takes more time to read than is allowed; save it again, in another format."
 TOO_LARGE = "The file takes more memory to read than is allowed; save it again, in another format."
@@ -55,8 +59,8 @@ CRASHED = "The file is damaged: it cannot be decoded."
 _PRELOADED = ("stereolag.io.calibrations", "stereolag.io.disparities", "stereolag.io.recordings", "av")
 
 
-class Door(Protocol):
-    """Turns a reader into one that runs elsewhere: :func:`guarded`, or :func:`unguarded` for none."""
+class Guard(Protocol):
+    """Decides where a reader runs: :func:`guarded`, in a worker, or :func:`unguarded`, in this process."""
 
     def __call__(self, reader: Callable[P, T], /) -> Callable[P, T]:
         """Return a function with the parameters and the result of `reader`."""
@@ -64,7 +68,7 @@ class Door(Protocol):
 
 
 def unguarded(reader: Callable[P, T], /) -> Callable[P, T]:
-    """Return the reader itself, as for one's own files."""
+    """Return the reader itself, for one's own files."""
     return reader
 
 
@@ -76,47 +80,47 @@ def guarded(reader: Callable[P, T], /) -> Callable[P, T]:
     """
 
     def read(*args: P.args, **kwargs: P.kwargs) -> T:
-        return _guard.run(partial(reader, *args, **kwargs))
+        return _pool.run(partial(reader, *args, **kwargs))
 
     return read
 
 
 def start_guard() -> None:
-    """Start a worker ahead, so that the first file need not wait for it."""
-    _guard.start()
+    """Start a worker ahead, so that the first file does not wait for it."""
+    _pool.start()
 
 
 class GuardedObject(Generic[T]):
-    """An object that ``make(*args)`` returns for a stranger's file, in a worker of its own, replaced when that ends."""
+    """An object made from an untrusted file by ``make(*args)`` in its own worker; made again if that worker ends."""
 
     def __init__(self, make: Callable[..., T], *args: Any) -> None:
-        self._make = partial(_keep, make, *args)
-        self._turn = threading.Lock()
+        self._make = partial(_hold, make, *args)
+        self._lock = threading.Lock()
         self._worker: _Worker | None = None
 
     def ask(self, function: Callable[..., Any], *args: Any) -> Any:
         """Return ``function(object, *args)``; errors as of :func:`guarded`. Threads take turns."""
-        with self._turn:
-            _guard.note_use(self)
+        with self._lock:
+            _pool.note_use(self)
             if self._worker is None or self._worker.ended:
-                self._worker = _guard.take()
+                self._worker = _pool.take()
                 weakref.finalize(self, self._worker.end)
                 self._worker.run(self._make)
-            return self._worker.run(partial(_of_kept, function, *args))
+            return self._worker.run(partial(_call_on_held, function, *args))
 
     def close(self) -> None:
-        """End the worker, unless it is being asked just now."""
-        if self._turn.acquire(blocking=False):
+        """End the worker, unless it is busy."""
+        if self._lock.acquire(blocking=False):
             if self._worker is not None:
                 self._worker.end()
-            self._turn.release()
+            self._lock.release()
 
 
 class _Worker:
     """A process that runs jobs, one at a time."""
 
     def __init__(self) -> None:
-        # Not by multiprocessing, which would run the page's script again: Streamlit makes it the main module.
+        # Not multiprocessing, which would run the page's script again: Streamlit makes it the main module.
         environment = {name: value for name, value in os.environ.items() if not name.startswith(PREFIX)}
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-c", f"from {__name__} import serve; serve()"],
@@ -125,7 +129,7 @@ class _Worker:
             env=environment | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "OPENBLAS_NUM_THREADS": "1"},
             start_new_session=True,  # Ctrl+C is for the server alone
         )
-        _guard.workers.add(self)
+        _pool.workers.add(self)
 
     @property
     def ended(self) -> bool:
@@ -134,64 +138,65 @@ class _Worker:
 
     def run(self, job: partial[T]) -> T:
         """Return the result of a job; ValueError if the job raises one or the worker ends."""
-        most = limits()
-        seconds = READING_S * max(1, most.max_megapixels / USUAL_MEGAPIXELS, most.max_megasamples / USUAL_MEGASAMPLES)
-        memory = min(MEMORY + BYTES_PER_VALUE * (most.max_pixels + most.max_samples), machine_memory())
-        late = threading.Event()
-        watch = threading.Timer(PATIENCE * seconds, self._end_late, (late,))
-        watch.daemon = True
-        watch.start()
+        sizes = limits()
+        relative_sizes = sizes.max_megapixels / REFERENCE_MEGAPIXELS, sizes.max_megasamples / REFERENCE_MEGASAMPLES
+        seconds = MAX_CPU_S * max(1, *relative_sizes)
+        memory = min(BASE_MEMORY_BYTES + BYTES_PER_VALUE * (sizes.max_pixels + sizes.max_samples), machine_memory())
+        is_late = threading.Event()
+        timer = threading.Timer(WALL_CLOCK_FACTOR * seconds, self._kill_late, (is_late,))
+        timer.daemon = True
+        timer.start()
         try:
-            outcome: tuple[T, Exception | None] = self._exchanged(
-                (most.model_dump(), (seconds, 2 * PATIENCE * seconds, memory), job)
+            outcome: tuple[T, Exception | None] = self._exchange(
+                (sizes.model_dump(), (seconds, 2 * WALL_CLOCK_FACTOR * seconds, memory), job)
             )
         except (OSError, EOFError, pickle.UnpicklingError):
-            # The worker has ended; nothing that a file does can end it otherwise.
+            # The worker has ended.
             self.end()
-            out_of_time = late.is_set() or self._process.wait() == -getattr(signal, "SIGPROF", 0)
+            out_of_time = is_late.is_set() or self._process.wait() == -getattr(signal, "SIGPROF", 0)
             raise ValueError(TOO_SLOW if out_of_time else CRASHED) from None
         except BaseException:  # an interrupted exchange cannot be continued
             self.end()
             raise
         finally:
-            watch.cancel()
-            watch.join()
+            timer.cancel()
+            timer.join()
         result, error = outcome
         if error is not None:
             raise error
         return result
 
-    def _exchanged(self, message: Any) -> Any:
+    def _exchange(self, message: Any) -> Any:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         pickle.dump(message, self._process.stdin, protocol=5)
         self._process.stdin.flush()
         return pickle.load(self._process.stdout)
 
-    def _end_late(self, late: threading.Event) -> None:
-        late.set()
+    def _kill_late(self, is_late: threading.Event) -> None:
+        is_late.set()
         self._process.kill()
 
     def end(self) -> None:
-        """End the process now; if it is ending by itself, its own exit code stays."""
+        """End the process now; if it has ended by itself, its own exit code remains."""
         self._process.kill()
         self._process.wait()
         for stream in (self._process.stdin, self._process.stdout):
-            with suppress(OSError):  # what was not sent any more
+            with suppress(OSError):  # a message that can no longer be sent
                 if stream is not None:
                     stream.close()
 
 
-class _Guard:
-    """The workers that are free, and the objects that have one of their own."""
+class _WorkerPool:
+    """The workers: those that are free, and those of guarded objects."""
 
     def __init__(self) -> None:
         self.forget()
 
     def forget(self) -> None:
-        """Begin without workers; in a forked process, they stay with the one that it was forked from."""
+        """Begin without workers; after a fork, they remain with the parent process."""
         self._lock = threading.Lock()
-        self._slots = threading.BoundedSemaphore(AT_ONCE)
+        self._slots = threading.BoundedSemaphore(MAX_CONCURRENT_JOBS)
         self._free: list[_Worker] = []
         self._in_use: OrderedDict[int, weakref.ref[GuardedObject[Any]]] = OrderedDict()
         self.workers: weakref.WeakSet[_Worker] = weakref.WeakSet()
@@ -215,14 +220,14 @@ class _Guard:
                 return worker.run(job)
             finally:
                 with self._lock:
-                    kept = not worker.ended and len(self._free) < SPARES
+                    kept = not worker.ended and len(self._free) < MAX_IDLE_WORKERS
                     if kept:
                         self._free.append(worker)
                 if not kept:
                     worker.end()
 
     def take(self) -> _Worker:
-        """Return a free worker, and start another if it was the last."""
+        """Return a free worker, and start another if it was the last one."""
         with self._lock:
             self._free = [worker for worker in self._free if not worker.ended]
             worker = self._free.pop() if self._free else _Worker()
@@ -230,24 +235,23 @@ class _Guard:
                 self._free.append(_Worker())
         return worker
 
-    def note_use(self, of: GuardedObject[Any]) -> None:
-        """Note that an object is in use; of too many, close those that were not used for longest."""
+    def note_use(self, guarded_object: GuardedObject[Any]) -> None:
+        """Record that an object is in use, and close the least recently used ones if there are too many."""
         with self._lock:
-            self._in_use[id(of)] = weakref.ref(of)
-            self._in_use.move_to_end(id(of))
-            beyond = max(0, len(self._in_use) - KEPT_OPEN)
-            oldest = [self._in_use.popitem(last=False)[1]() for _ in range(beyond)]
-        for one in oldest:
-            if one is not None:
-                one.close()
+            self._in_use[id(guarded_object)] = weakref.ref(guarded_object)
+            self._in_use.move_to_end(id(guarded_object))
+            excess = max(0, len(self._in_use) - MAX_OPEN_FILES)
+            oldest = [self._in_use.popitem(last=False)[1]() for _ in range(excess)]
+        for unused in filter(None, oldest):
+            unused.close()
 
 
-_guard = _Guard()
+_pool = _WorkerPool()
 
 
-atexit.register(_guard.end)
+atexit.register(_pool.end)
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_guard.forget)
+    os.register_at_fork(after_in_child=_pool.forget)
 
 
 # In the worker.
@@ -256,7 +260,7 @@ if hasattr(os, "register_at_fork"):
 def serve() -> None:
     """Answer jobs until the server is gone."""
     jobs, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # whatever is printed must not get among the answers
+    os.dup2(2, 1)  # printed text must not get into the answers
     warnings.simplefilter("ignore")
     with suppress(OSError):
         # If the machine runs out of memory, this process ends before the server does.
@@ -266,16 +270,16 @@ def serve() -> None:
     from stereolag.io.images import UnseenFrames
 
     warnings.simplefilter("error", UnseenFrames)
-    for number in (1, 2):  # decoders comment on every damaged file, which are no news for the server's log
+    for number in (1, 2):  # decoders report every damaged file, which does not belong in the server's log
         os.dup2(os.open(os.devnull, os.O_WRONLY), number)
     while True:
         try:
-            values, most, job = pickle.load(jobs)
+            defaults, allowance, job = pickle.load(jobs)
         except EOFError:
             return
-        set_defaults(**values)
-        _limit(*most)
-        answer = _answer_to(job)
+        set_defaults(**defaults)
+        _limit(*allowance)
+        answer = _answer(job)
         _limit(0, 0, None)
         try:
             pickle.dump(answer, answers, protocol=5)
@@ -284,44 +288,46 @@ def serve() -> None:
             os._exit(0)
 
 
-def _answer_to(job: Callable[[], Any]) -> tuple[Any, Exception | None]:
+def _answer(job: Callable[[], Any]) -> tuple[Any, Exception | None]:
     try:
         return job(), None
     except ValueError as error:
         return None, ValueError(str(error))
     except MemoryError:
         return None, ValueError(TOO_LARGE)
-    except Exception:  # an error of the reader, for the log of the server
+    except Exception:  # a bug of the reader, for the log of the server
         return None, RuntimeError(f"A reader failed.\n{traceback.format_exc()}")
 
 
-def _limit(seconds: float, by_the_clock: float, memory: int | None) -> None:
-    """Limit time and memory from now on, where the system can; 0 and None are no limits."""
+def _limit(cpu_s: float, elapsed_s: float, memory: int | None) -> None:
+    """Limit time and memory, bytes, from now on, where the system can; 0 and None: no limit."""
     if sys.platform == "win32":
         return
     import resource
 
-    # Their signals end the process; the second does if the server, which would do it, has ended.
-    signal.setitimer(signal.ITIMER_PROF, seconds)
-    signal.setitimer(signal.ITIMER_REAL, by_the_clock)
-    most = resource.RLIM_INFINITY if memory is None else memory + _address_space()
+    # The signals of these timers end the process. The server ends it before the second one does, unless it has ended.
+    signal.setitimer(signal.ITIMER_PROF, cpu_s)
+    signal.setitimer(signal.ITIMER_REAL, elapsed_s)
+    address_space = resource.RLIM_INFINITY if memory is None else memory + _address_space()
     with suppress(OSError, ValueError):
-        resource.setrlimit(resource.RLIMIT_AS, (most, resource.getrlimit(resource.RLIMIT_AS)[1]))
+        resource.setrlimit(resource.RLIMIT_AS, (address_space, resource.getrlimit(resource.RLIMIT_AS)[1]))
 
 
 def _address_space() -> int:
+    """Return the address space in use, bytes; 0 where Linux does not tell it."""
     try:
         return int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
     except OSError:  # not Linux
         return 0
 
 
-_kept: list[Any] = []
+_held: list[Any] = []
+"""The object of the :class:`GuardedObject` that uses this worker."""
 
 
-def _keep(make: Callable[..., Any], *args: Any) -> None:
-    _kept[:] = [make(*args)]
+def _hold(make: Callable[..., Any], *args: Any) -> None:
+    _held[:] = [make(*args)]
 
 
-def _of_kept(function: Callable[..., Any], *args: Any) -> Any:
-    return function(_kept[0], *args)
+def _call_on_held(function: Callable[..., Any], *args: Any) -> Any:
+    return function(_held[0], *args)

@@ -1,4 +1,4 @@
-"""Bytes as plain text, in which columns are looked for: decoded, without labels and comments, and plain times."""
+"""Text made ready for the search for columns: decoded, without labels and comments, its times in common notation."""
 
 from __future__ import annotations
 
@@ -16,35 +16,35 @@ import numpy as np
 
 from stereolag.io.sources import HEADER_BYTES
 
-BLOCK = 2**20
-"""Characters in which a rare way of writing is looked for."""
-FIRST = 2**15
-"""Characters in which one without a colon is, where digits alone do not tell quickly that it is not there."""
+SEARCHED_SIZE = 2**20
+"""Characters in which a rare notation is looked for."""
+SEARCHED_SIZE_NO_COLON = 2**15
+"""The same for a notation without a colon: fewer, since the search takes longer where digits are everywhere."""
 
 MAX_TEXT_BYTES = 64 * 2**20
 ALLOWED = "allowed are numbers, times and words in columns separated by comma, semicolon, tab, bar or space"
 
-MOST_MENDED = 5
-LINES_PER_MENDED = 100
-"""At most `MOST_MENDED` lines may hold a NUL byte, and at most one in `LINES_PER_MENDED`."""
+MAX_MENDED_LINES = 5
+MIN_LINES_PER_MENDED = 100
+"""NUL bytes are removed from at most `MAX_MENDED_LINES` lines, and from at most one in `MIN_LINES_PER_MENDED`."""
 
-Plainer: TypeAlias = str | Callable[[re.Match[str]], str]
+Replacement: TypeAlias = str | Callable[[re.Match[str]], str]
 
 
-def _by_month(ordinal: re.Match[str]) -> str:
-    """Return a day of the year as a date, or as it is if the year has no such day."""
+def _calendar_date(ordinal: re.Match[str]) -> str:
+    """Return a day of the year as a date, unchanged if the year has no such day."""
     day = date(int(ordinal[1]), 1, 1) + timedelta(int(ordinal[3]) - 1)
     return f"{day}T" if day.year == int(ordinal[1]) else ordinal[0]
 
 
-def _in_hours(local: re.Match[str]) -> str:
-    """Return a time with its zone in hours instead of by name, or as it is if there is no such time or zone."""
+def _with_offset(local: re.Match[str]) -> str:
+    """Return a time with the UTC offset of its zone instead of the name, unchanged if either does not exist."""
     with suppress(ValueError, KeyError):
         return datetime.fromisoformat(local[1]).replace(tzinfo=ZoneInfo(local[2])).isoformat()
     return local[0]
 
 
-_RARE_STAMPS: tuple[tuple[re.Pattern[str], Plainer], ...] = (
+_RARE_STAMPS: tuple[tuple[re.Pattern[str], Replacement], ...] = (
     (  # Mon May 13 10:15:00 2024, as C, Python and `date` write it
         re.compile(
             r"\b[A-Z][a-z]{2} (?P<month>[A-Z][a-z]{2}) {1,2}(?P<day>\d{1,2}) (?P<clock>\d\d:\d\d:\d\d(?:\.\d+)?)"
@@ -53,10 +53,10 @@ _RARE_STAMPS: tuple[tuple[re.Pattern[str], Plainer], ...] = (
         r"\g<day>-\g<month>-\g<year> \g<clock>\g<zone>",
     ),
     # 2024-134T10:15:00, a day of the year
-    (re.compile(r"(?<![\w:./-])((?:19|20)\d\d)([-:])([0-3]\d\d)(?:T|\2)(?=\d\d:\d\d)"), _by_month),
+    (re.compile(r"(?<![\w:./-])((?:19|20)\d\d)([-:])([0-3]\d\d)(?:T|\2)(?=\d\d:\d\d)"), _calendar_date),
     (  # 2024-05-13 10:15:00 Europe/Berlin
         re.compile(r"(\d{4}-\d\d-\d\d[ T]\d\d:\d\d(?::\d\d(?:\.\d+)?)?) ?\[?([A-Z][a-z]+/[A-Z]\w+)\]?"),
-        _in_hours,
+        _with_offset,
     ),
     (re.compile(r"(Z|[+-]\d\d:?\d\d)\[[\w/]+\]"), r"\1"),  # 10:15:00+02:00[Europe/Berlin], as Java writes it
     (  # 1 days 02:03:04, 1.02:03:04: a time elapsed, as pandas and .NET write it
@@ -66,7 +66,7 @@ _RARE_STAMPS: tuple[tuple[re.Pattern[str], Plainer], ...] = (
     (re.compile(r"'\[?(\d{1,5}:\d\d[:\d.]*)(?: (\d\d/\d\d/\d{4})\])?'"), r"\2 \1"),  # as PhysioNet writes times
     (re.compile(r"(?<=\d) Uhr\b"), ""),
 )
-_STAMPS_WITHOUT_COLON: tuple[tuple[re.Pattern[str], Plainer], ...] = (
+_STAMPS_WITHOUT_COLON: tuple[tuple[re.Pattern[str], Replacement], ...] = (
     (  # 13.05.2024 10.15.00, 2024-05-13_10-15-00
         re.compile(
             r"((?:19|20)\d\d-\d\d-\d\d|\b\d{1,2}(?:([.-])\d{1,2}\2(?:19|20)|/\d{1,2}/(?:19|20)?)\d\d)([ T_;,\t]+)"
@@ -85,19 +85,19 @@ _STRAY_NULS = re.compile(r"(?<=[0-9.])\0+(?=[ \t,;\n]|\Z)")
 _SPACES = dict.fromkeys(map(ord, "\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}\N{THIN SPACE}"), " ")
 
 _COMMENT = re.compile(r"^[ \t]*(?:#(?!N/A)|%|//)[^\n]*|(?<=[\d.])[ \t]+(?:#|//)[^\n]*", re.MULTILINE)
-_SPACED = re.compile(r"(?<![\w.])([+-]) +(?=[\d.])|(?<=\d) +([AaPp]\.?[Mm]\b\.?)")
+_SPACE_IN_VALUE = re.compile(r"(?<![\w.])([+-]) +(?=[\d.])|(?<=\d) +([AaPp]\.?[Mm]\b\.?)")
 """A space after a sign, or before AM and PM, where it does not separate columns."""
-_MONITOR = re.compile(r"^(?:(?P<time>[\d:.]+) -> |\[ *(?P<within>[\d/T-]*[ \d]*[:.][\d:.]*)\][ \t]*)", re.MULTILINE)
-"""What a serial monitor (Arduino, CoolTerm) or a log writes behind the time, or around it."""
+_LOG_PREFIX = re.compile(r"^(?:(?P<time>[\d:.]+) -> |\[ *(?P<within>[\d/T-]*[ \d]*[:.][\d:.]*)\][ \t]*)", re.MULTILINE)
+"""The mark that a serial monitor (Arduino, CoolTerm) or a log writes after the time, or around it."""
 _SERIES = re.compile(
     r"^TIMESERIES (?P<name>\S+), \d+ samples?, (?P<rate>[\d.]+) sps, "
     r"(?P<start>\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(?:\.\d+)?), "
     r"(?:SLIST\b.*\n(?P<values>(?:(?!TIMESERIES).*(?:\n|\Z))*?)(?=TIMESERIES|\Z)|TSPAIR\b.*\n)",
     re.MULTILINE,
 )
-"""A stretch of a seismogram as text: six samples a line after their start and rate, or one a line behind its time."""
-_MONEY = re.compile(r"[$€£¥] ?(?=[-+]?[\d.])")
-_FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]\d\d\d?\b)")
+"""A segment of a seismogram: six samples a line below their start and rate, or one a line after its time."""
+_CURRENCY = re.compile(r"[$€£¥] ?(?=[-+]?[\d.])")
+_FORTRAN_EXPONENT = re.compile(r"(?<=[\d.])[dD](?=[-+]\d\d\d?\b)")
 
 _LABEL = re.compile(
     r"[\"'](?P<quoted>[^\"'\n]{1,60})[\"']\s?:\s?(?=[-+\d\"'ntfNTF])"
@@ -106,12 +106,12 @@ _LABEL = re.compile(
 _OBJECTS = re.compile(r"\[?\s*\{[^\[\]{}\n]+\}\s*(?:,?\s*[\]{]|\Z)")
 _NEXT_OBJECT = re.compile(r"\}\s*,\s*\{")
 _OBJECT = re.compile(r"^[ \t]{0,9}\[?[ \t]{0,9}\{|\}[ \t]{0,9},?[ \t]{0,9}\]?[ \t]{0,9}$", re.MULTILINE)
-LABELLED = 400
-"""Lines by which the names of values are recognised."""
+PROBED_LINES = 400
+"""Lines from which the labels of values are recognised."""
 
 
-def decoded(data: bytes) -> str:
-    """Return the text that bytes hold, its lines ended by LF; ValueError if it is too long."""
+def decode_text(data: bytes) -> str:
+    """Return bytes as text with LF line ends; ValueError if it is too long."""
     if len(data) > MAX_TEXT_BYTES:
         raise ValueError(
             f"The text has {len(data) / 1e6:.0f} MB; at most {MAX_TEXT_BYTES / 1e6:.0f} MB are accepted: save it as "
@@ -120,7 +120,7 @@ def decoded(data: bytes) -> str:
     even, odd = (data[start:HEADER_BYTES:2].count(0) for start in (0, 1))
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         text = data.decode("utf-16", errors="replace")
-    elif max(even, odd) > 0.4 * min(len(data), HEADER_BYTES) and min(even, odd) == 0:  # UTF-16 without its mark
+    elif max(even, odd) > 0.4 * min(len(data), HEADER_BYTES) and min(even, odd) == 0:  # UTF-16 without a mark
         text = data.decode("utf-16-be" if even else "utf-16-le", errors="replace")
     else:
         try:
@@ -135,7 +135,7 @@ def without_nuls(text: str) -> tuple[str, int]:
     """Return the text without stray NUL characters, and the number of lines that had some."""
     if "\0" not in text:
         return text, 0
-    allowed = min(MOST_MENDED, (text.count("\n") + 1) // LINES_PER_MENDED)
+    allowed = min(MAX_MENDED_LINES, (text.count("\n") + 1) // MIN_LINES_PER_MENDED)
     mended = _STRAY_NULS.sub("", text)
     lines = {text.count("\n", 0, found.start()) for found in itertools.islice(_STRAY_NULS.finditer(text), allowed + 1)}
     if "\0" in mended or len(lines) > allowed:
@@ -143,74 +143,77 @@ def without_nuls(text: str) -> tuple[str, int]:
     return mended, len(lines)
 
 
-def written_plainly(text: str) -> str:
-    """Return a text with its times, its numbers and the marks around them as most files write them."""
-    for patterns, size in ((_RARE_STAMPS, BLOCK if ":" in text else 0), (_STAMPS_WITHOUT_COLON, FIRST)):
-        for pattern, plainer in patterns:
+def with_plain_values(text: str) -> str:
+    """Return a text with its times and numbers in common notation, without currency signs and marks of logs."""
+    for patterns, size in (
+        (_RARE_STAMPS, SEARCHED_SIZE if ":" in text else 0),
+        (_STAMPS_WITHOUT_COLON, SEARCHED_SIZE_NO_COLON),
+    ):
+        for pattern, replacement in patterns:
             if pattern.search(text, 0, size):
-                text = pattern.sub(plainer, text)
+                text = pattern.sub(replacement, text)
     if text.startswith("TIMESERIES "):
-        text = _SERIES.sub(_one_a_line, text)
-    text = _beside(text, "$€£¥", _MONEY, "")
-    text = _beside(text, "dD", _FORTRAN, "e")
-    separated = ", " if "," in text else " "
-    return _beside(text, ("-> ", "["), _MONITOR, rf"\g<time>\g<within>{separated}")
+        text = _SERIES.sub(_as_columns, text)
+    text = _replace_if_marked(text, "$€£¥", _CURRENCY, "")
+    text = _replace_if_marked(text, "dD", _FORTRAN_EXPONENT, "e")
+    separator = ", " if "," in text else " "
+    return _replace_if_marked(text, ("-> ", "["), _LOG_PREFIX, rf"\g<time>\g<within>{separator}")
 
 
 def without_comments(text: str) -> str:
     """Return a text without comments, and without spaces in its numbers and times."""
-    text = _beside(text, ("#", "%", "//"), _COMMENT, "")
-    return _beside(text, ("+ ", "- ", "M", "m"), _SPACED, r"\1\2")
+    text = _replace_if_marked(text, ("#", "%", "//"), _COMMENT, "")
+    return _replace_if_marked(text, ("+ ", "- ", "M", "m"), _SPACE_IN_VALUE, r"\1\2")
 
 
-def is_of_objects(text: str) -> bool:
-    """Return whether a text is one of JSON, an object a line."""
+def holds_objects(text: str) -> bool:
+    """Return whether a text consists of JSON objects."""
     return bool(_OBJECTS.match(text[:HEADER_BYTES].lstrip()))
 
 
 def without_labels(text: str) -> tuple[str, list[str]]:
-    """Return a text whose lines name each of their values, without these names, and the names; [] if it is none.
+    """Return a text without the labels of its values, and the labels; unchanged and [] if its lines have none.
 
-    Such are ``t:20 value:3`` of a microcontroller and ``{"t": 20, "value": 3}`` of JSON, an object a line.
+    Labelled lines are ``t:20 value:3`` of a microcontroller and ``{"t": 20, "value": 3}`` of JSON.
 
     Raises
     ------
     ValueError
-        A line that names other values than the first one, or in another order.
+        A line with other labels than the first one, or in another order.
     """
     lines = _NEXT_OBJECT.sub("}\n{", text).split("\n")
-    labels = [_labels(line) for line in lines[:LABELLED]]
-    names, count = Counter(filter(None, labels)).most_common(1)[0] if any(labels) else ((), 0)
-    if 2 * count <= sum(map(bool, labels)):
+    probed = [_labels(line) for line in lines[:PROBED_LINES]]
+    labels, count = Counter(filter(None, probed)).most_common(1)[0] if any(probed) else ((), 0)
+    if 2 * count <= sum(map(bool, probed)):
         return text, []
-    first = labels.index(names)
-    last = next(number for number in range(len(lines) - 1, -1, -1) if _labels(lines[number]) == names)
+    first = probed.index(labels)
+    last = next(number for number in range(len(lines) - 1, -1, -1) if _labels(lines[number]) == labels)
     for number, line in enumerate(lines[first : last + 1], start=first):
-        here = _labels(line)
-        if here and here != names:
+        others = _labels(line)
+        if others and others != labels:
             raise ValueError(
-                f"Line {number + 1} holds {', '.join(here)}, and the lines before it {', '.join(names)}; a line must "
-                "hold the same values in the same order."
+                f"Line {number + 1} holds {', '.join(others)}, and the lines before it {', '.join(labels)}; a line "
+                "must hold the same values in the same order."
             )
         lines[number] = _LABEL.sub("", line)
-    return _OBJECT.sub("", "\n".join(lines)), [*names]
+    return _OBJECT.sub("", "\n".join(lines)), [*labels]
 
 
 def _labels(line: str) -> tuple[str, ...]:
     return tuple(found["quoted"] or found["bare"] for found in _LABEL.finditer(line))
 
 
-def _beside(text: str, marks: Iterable[str], pattern: re.Pattern[str], plainly: str) -> str:
-    """Return a text with the matches of a pattern written plainly; looked for, which takes long, only beside a mark."""
-    return pattern.sub(plainly, text) if any(mark in text for mark in marks) else text
+def _replace_if_marked(text: str, marks: Iterable[str], pattern: re.Pattern[str], replacement: str) -> str:
+    """Return a text with a pattern replaced; the slow search takes place only if the text holds one of the marks."""
+    return pattern.sub(replacement, text) if any(mark in text for mark in marks) else text
 
 
-def _one_a_line(series: re.Match[str]) -> str:
-    """Return a stretch of a seismogram as columns of times and samples, below their names."""
+def _as_columns(series: re.Match[str]) -> str:
+    """Return a segment of a seismogram as columns of times and samples, below their names."""
     values = (series["values"] or "").split()
     with suppress(ValueError, ZeroDivisionError):
-        after = np.round(np.arange(len(values)) * (1e9 / float(series["rate"]))).astype("timedelta64[ns]")
-        times = np.datetime64(series["start"], "ns") + after
+        offsets = np.round(np.arange(len(values)) * (1e9 / float(series["rate"]))).astype("timedelta64[ns]")
+        times = np.datetime64(series["start"], "ns") + offsets
         rows = (f"{time} {value}\n" for time, value in zip(times, values, strict=True))
         return f"time {series['name']}\n{''.join(rows)}"
     return series[0]

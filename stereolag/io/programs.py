@@ -1,4 +1,4 @@
-"""The short program or the command that reproduces a result."""
+"""Short programs and commands that reproduce a result."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def eight_bits(image):  # OpenCV matches 8 bits: the values in use, spread over 
 def grey_image(name):
     image = cv2.imread(str(FOLDER / name), cv2.IMREAD_UNCHANGED)
     if image is None:
-        raise SystemExit(f"{{name}} is not beside this file, or it is no image.")
+        raise SystemExit(f"{{name}} is not beside this file, or it is not an image.")
     image = {colours}
     return image if image.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_BGR2GRAY)
 
@@ -112,16 +112,16 @@ if not result.found:
 
 
 class Cameras(NamedTuple):
-    """How the program gets from raw images to rectified ones.
+    """How a program rectifies raw images.
 
     Attributes
     ----------
     name
         The name of the file with the calibration of both cameras.
     alpha
-        The frame, as for :func:`stereolag.rectify`.
+        The framing, as for :func:`stereolag.rectify`.
     remedies
-        The input doctor's remedies applied after that, in order.
+        The input doctor's remedies applied afterwards, in order.
     """
 
     name: str
@@ -137,26 +137,28 @@ def script(
     *,
     cameras: Cameras | None = None,
 ) -> str:
-    """Return a Python program that measures the same disparities again, bit for bit, and the depth if it can.
+    """Return a Python program that measures the same disparities, bit for bit, and the depth if there is a calibration.
 
-    The program reads the files beside it, and writes ``disparity.npy`` and ``disparity.pfm`` there; with a calibration
-    ``depth.tif``, metres, and ``depth_mm.png``, millimetres, too.
+    The program reads the files in its own folder, and writes ``disparity.npy`` and ``disparity.pfm`` there; with a
+    calibration also ``depth.tif``, metres, and ``depth_mm.png``, millimetres.
 
     Parameters
     ----------
     matcher
-        Every setting is written out, so that a later release with other defaults gives the same result.
+        All its settings are written out, so that a later release with other defaults gives the same result.
     left_name, right_name
         The names of the two images, for example ``left.png``; folders in the names of files are dropped.
     calibration_name
-        The name of the calibration of the rectified pair; None if there is none, or it is that of `cameras`.
+        The name of the calibration of the rectified pair; None if there is none, or if `cameras` gives it.
     cameras
         How the program rectifies the images; None if they are rectified.
     """
     prepared, classes = "", imports(matcher)
     if cameras is not None:
         prepared = _RECTIFIED.format(cameras=_file_literal(cameras.name), alpha=cameras.alpha)
-        prepared += "".join(f"left, right = apply_remedy(left, right, Remedy.{one.name})\n" for one in cameras.remedies)
+        prepared += "".join(
+            f"left, right = apply_remedy(left, right, Remedy.{remedy.name})\n" for remedy in cameras.remedies
+        )
         if cameras.remedies:
             classes = sorted([*classes, "from stereolag.assess.diagnosis import Remedy, apply_remedy"])
     if calibration_name is not None:
@@ -184,18 +186,19 @@ def opencv_script(
 ) -> str:
     """Return a Python program that measures the same disparities with ``cv2`` and ``numpy`` alone, bit for bit.
 
-    It reads the two images beside it, PNG, or TIFF with grey floats, and writes ``disparity.npy`` there. Every setting
-    is written out under OpenCV's name. What the images hold decides how they become 8 bits; needed unless they have 8.
+    It reads the two images in its own folder, PNG, or TIFF with grey floats, and writes ``disparity.npy`` there. All
+    settings are written out under OpenCV's names. `images` are needed unless they have 8 bits: their values determine
+    the conversion to 8 bits.
     """
     black, level, colours = 0.0, 1.0, "image"
     if images is not None:
         eight = in_eight_bits(*images)
         if eight[0].dtype == images[0].dtype:
             black, level = grey_scale(as_grey(images[0]), as_grey(images[1]))
-        else:  # 8 bits in 16 are matched as they are, so each channel is converted
-            seen = [np.unique(one if one.ndim == 2 else one[:, :, :3]) for one in (images[0], eight[0])]
-            level = float(np.ptp(seen[0])) / float(np.ptp(seen[1]))
-            black, colours = float(seen[0][0]) - level * float(seen[1][0]), "eight_bits(image)"
+        else:  # 8 bits stored in 16 are matched as 8 bits, so each channel is converted
+            values, values_8 = (np.unique(one if one.ndim == 2 else one[:, :, :3]) for one in (images[0], eight[0]))
+            level = float(np.ptp(values)) / float(np.ptp(values_8))
+            black, colours = float(values[0]) - level * float(values_8[0]), "eight_bits(image)"
     if isinstance(matcher, StereoSGBM):
         arguments = matcher.opencv_arguments() | {"mode": f"cv2.{matcher.opencv_mode}"}
         lines = ["matcher = cv2.StereoSGBM.create(", *(f"    {name}={arguments[name]}," for name in arguments), ")"]
@@ -225,7 +228,7 @@ def opencv_script(
 
 
 def lag_command(search: LagSearch, first: str, second: str) -> str:
-    """Return the command that measures the same lag, for two files with one recording each."""
+    """Return the command that measures the same lag between two files of one recording each."""
     return _command("lag", [first, second], search)
 
 
@@ -240,14 +243,14 @@ def lag_script(search: LagSearch, first: str, second: str) -> str:
 
 
 def find_command(query: TemplateQuery, image: str, template: str, mask: str | None = None) -> str:
-    """Return the command that finds the same places."""
+    """Return the command that finds the same matches."""
     return _command("find", [image, template, *([] if mask is None else ["--mask", mask])], query)
 
 
 def find_script(query: TemplateQuery, image: str, template: str, mask: str | None = None) -> str:
-    """Return a Python program that finds the same places; every setting is written out.
+    """Return a Python program that finds the same matches; every setting is written out.
 
-    A mask is above 0 where the template counts.
+    A mask is above 0 in the valid pixels of the template.
     """
     settings = _arguments(query.arguments)
     return _program(
@@ -300,17 +303,18 @@ def _flag(name: str, value: object) -> str:
     return f"--{name} {value:.12g}" if exact else f"--{name} {value}"
 
 
-LINE_LENGTH = 88
-INDENT = 4
+MAX_LINE_LENGTH = 88
+"""Characters of a line in a program."""
+INDENT_WIDTH = 4
 
 
 def constructor(settings: Settings, *, before: str = "") -> str:
-    """Return the call that makes equal settings: every number and choice, and every nested setting that was changed.
+    """Return the call that makes equal settings: all numbers and choices, and nested settings that were changed.
 
     Classes of the public API are written ``sl.Name``, others ``Name``: :func:`imports` returns their imports. A call
-    too long for a line, with the text `before` it, for example ``"matcher = "``, has one argument per line.
+    that is too long for a line after the text `before` it, for example ``"matcher = "``, has one argument per line.
     """
-    return _written(settings, before, 0)
+    return _formatted(settings, before, 0)
 
 
 def imports(settings: Settings) -> list[str]:
@@ -322,14 +326,14 @@ def imports(settings: Settings) -> list[str]:
     return [f"from {module} import {', '.join(sorted(names))}" for module, names in sorted(modules.items())]
 
 
-def _written(value: Any, before: str, column: int) -> str:
-    """Return `before` and the value on one line, or on several if that is too long from `column` on."""
+def _formatted(value: Any, before: str, column: int) -> str:
+    """Return `before` and the value on one line, or on several if one is too long, given its first column."""
     line = before + _on_one_line(value)
     start, arguments, end = _parts(value)
-    if column + len(line) < LINE_LENGTH or not arguments:
+    if column + len(line) < MAX_LINE_LENGTH or not arguments:
         return line
-    inner = column + INDENT
-    lines = [" " * inner + _written(item, name, inner) + ",\n" for name, item in arguments]
+    inner = column + INDENT_WIDTH
+    lines = [" " * inner + _formatted(item, name, inner) + ",\n" for name, item in arguments]
     return before + start + "\n" + "".join(lines) + " " * column + end
 
 
@@ -357,16 +361,16 @@ def _parts(value: Any) -> tuple[str, list[tuple[str, Any]], str]:
 
 
 def _fields(settings: Settings) -> Iterator[tuple[str, Any]]:
-    """Yield the fields worth writing.
+    """Yield the fields that are written out.
 
-    The tag of a kind in a union can have only one value; stages that are off, and nested settings at their defaults,
-    would obscure the actual choices.
+    The others are tags of a union, which can have only one value, and stages that are off or nested settings at their
+    defaults, which would obscure the actual choices.
     """
     for name, field in type(settings).model_fields.items():
         value = getattr(settings, name)
         only_value = get_origin(field.annotation) is Literal and len(get_args(field.annotation)) == 1
-        left_alone = value == field.default and (value is None or isinstance(value, Settings))
-        if not only_value and not left_alone:
+        is_default_stage = value == field.default and (value is None or isinstance(value, Settings))
+        if not only_value and not is_default_stage:
             yield name, value
 
 

@@ -26,7 +26,7 @@ from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.disparities import read_disparity
-from stereolag.io.guard import Door, unguarded
+from stereolag.io.guard import Guard, unguarded
 from stereolag.io.images import read_image
 from stereolag.io.settings import matcher_of, parsed_json, settings_document
 from stereolag.io.sources import Archive
@@ -193,8 +193,8 @@ def session_json(
     return json.dumps(document.model_dump(exclude_unset=True), indent=2) + "\n"
 
 
-def read_session(archive: Archive, door: Door = unguarded) -> Session:
-    """Read an archive saved on the depth page; its files are read through `door`: the guard, or directly.
+def read_session(archive: Archive, guard: Guard = unguarded) -> Session:
+    """Read an archive saved on the depth page; `guard` decides where its files are read.
 
     Raises
     ------
@@ -207,16 +207,16 @@ def read_session(archive: Archive, door: Door = unguarded) -> Session:
     files = document.pair.files
     if not {"left", "right"} <= set(files):
         raise ValueError(f"The {what} does not name the left and the right image.")
-    left, right = as_stereo_pair(*(door(read_image)(archive.read(files[side])) for side in ("left", "right")))
+    left, right = as_stereo_pair(*(guard(read_image)(archive.read(files[side])) for side in ("left", "right")))
     truth = visible = None
     if "truth" in files:
-        truth = door(read_disparity)(archive.read(files["truth"]))
+        truth = guard(read_disparity)(archive.read(files["truth"]))
     if "visible" in files:
-        visible = door(read_image)(archive.read(files["visible"])) > 0
+        visible = guard(read_image)(archive.read(files["visible"])) > 0
         visible = visible if visible.ndim == 2 else visible[:, :, 0]
     for name, array in (("ground truth", truth), ("mask", visible)):
         if array is not None and array.shape != left.shape[:2]:
             raise ValueError(f"The {name} in the archive has another size than the left image.")
-    calibration = door(read_calibration)(archive.read(files["calibration"])) if "calibration" in files else None
+    calibration = guard(read_calibration)(archive.read(files["calibration"])) if "calibration" in files else None
     matchers = tuple(matcher_of(one, what) for one in document.methods)
     return Session(left, right, truth, visible, calibration, matchers, document)

@@ -1,4 +1,4 @@
-"""The bytes of files: read from a source, from a ZIP archive, as an array of NumPy; quoted in errors; written whole.
+"""The bytes of files, read from a source or a ZIP archive; quotes of untrusted text; files and archives written whole.
 
 Of an archive, only requested files are unpacked, within limits, and never to disk. The limits are: the size of the
 directory, checked before it is parsed; the number and total size of the files as stated in the directory, checked
@@ -29,9 +29,9 @@ Source: TypeAlias = str | PathLike[str] | bytes | bytearray | memoryview | Binar
 
 MAX_BYTES = 256 * 2**20
 MAX_SIDE = 1_000_000
-"""Limited because decoders keep a pointer for every row."""
+"""Rows or columns of an image: decoders keep a pointer for every row."""
 HEADER_BYTES = 4096
-"""Number of bytes at the beginning of a file that are searched for a text header."""
+"""Bytes at the beginning of a file by which its format is recognised, and that may hold a text header."""
 
 
 def read_bytes(source: Source, what: str) -> bytes:
@@ -67,7 +67,7 @@ def read_bytes(source: Source, what: str) -> bytes:
 
 
 def beginning(source: Source) -> bytes:
-    """Return the first bytes of `source`, by which its format is known; a file object is left behind them."""
+    """Return the first bytes of `source`, by which its format is recognised; a file object is left after them."""
     if isinstance(source, bytes | bytearray | memoryview):
         return bytes(source[:HEADER_BYTES])
     if isinstance(source, str | PathLike):
@@ -83,7 +83,7 @@ def check_pixels(width: int, height: int, what: str) -> None:
     Raises
     ------
     ValueError
-        No pixels, more than the limit in force, or more than a million in a row or column.
+        No pixels, more than the current limit, or more than a million in a row or column.
     """
     if width < 1 or height < 1:
         raise ValueError(f"The {what} is {width} × {height} pixels: it holds none.")
@@ -96,15 +96,12 @@ def check_pixels(width: int, height: int, what: str) -> None:
         )
 
 
-_ROUND = str.maketrans("[]", "()")
-
-
 def quote(text: str) -> str:
     """Return the start of `text` in quotes, harmless in an error shown as Markdown or HTML.
 
-    Square brackets, in which loggers state units, become round: square ones are active in Markdown.
+    Square brackets, which loggers put around units, become round, since they are active in Markdown.
     """
-    start = re.sub(r"[^\w .,:;+=()°%/-]|//+", "?", text[:24].translate(_ROUND))
+    start = re.sub(r"[^\w .,:;+=()°%/-]|//+", "?", text[:24].replace("[", "(").replace("]", ")"))
     return f"“{start}…”" if len(text) > 24 else f"“{start}”"
 
 
@@ -116,7 +113,7 @@ def escape(text: str) -> str:
 def write_file(path: Path, data: bytes, *, synced: bool = True) -> None:
     """Write a temporary file beside `path` and move it there once it is complete.
 
-    Unless `synced`, which waits until the data is on the disk, a power failure may leave half a file; an interrupted
+    `synced` waits until the data is on the disk. Otherwise a power failure may leave half a file; an interrupted
     process never does.
 
     Raises
@@ -124,36 +121,36 @@ def write_file(path: Path, data: bytes, *, synced: bool = True) -> None:
     OSError
         The folder does not exist, the disk is full, and so on; an existing file is left unchanged.
     """
-    part = path.with_name(f".{uuid4().hex}.part")
+    temporary = path.with_name(f".{uuid4().hex}.part")
     try:
-        with part.open("xb") as file:
+        with temporary.open("xb") as file:
             file.write(data)
             file.flush()
             if synced:
                 os.fsync(file.fileno())
-        part.replace(path)
+        temporary.replace(path)
     except OSError as error:
         error.filename, error.filename2 = str(path), None  # the temporary file's name says nothing
         raise
     finally:
-        part.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
 # ZIP archives.
 
 ZIP_MAGIC = b"PK\x03\x04"
-NO_ARCHIVE = "The archive is not a ZIP file, or it is damaged or cut short."
+NOT_AN_ARCHIVE = "The archive is not a ZIP file, or it is damaged or cut short."
 MAX_FILES = 2000
 MAX_DIRECTORY_BYTES = 2**20
-MAX_NAME = 300
+MAX_NAME_LENGTH = 300
 MAX_DEPTH = 8
 
-_END = b"PK\x05\x06"
-_END_BYTES, _COMMENT_BYTES = 22, 65_535
-_END_OF_ZIP64 = b"PK\x06\x07"
+_END_RECORD_MAGIC = b"PK\x05\x06"
+_END_RECORD_BYTES, _MAX_COMMENT_BYTES = 22, 65_535
+"""Sizes of the record that ends a ZIP archive and of the comment after it."""
+_ZIP64_LOCATOR_MAGIC = b"PK\x06\x07"
 _ZIP64_LOCATOR_BYTES = 20
-_ENCRYPTED = 1
-_METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
+_ENCRYPTED_FLAG = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,11 +198,11 @@ class Archive:
 
 def is_archive(data: bytes) -> bool:
     """Return whether the bytes begin like a ZIP archive."""
-    return data.startswith((ZIP_MAGIC, _END))
+    return data.startswith((ZIP_MAGIC, _END_RECORD_MAGIC))
 
 
 def read_archive(source: Source, *, max_files: int = MAX_FILES) -> Archive:
-    """Read the directory of a ZIP archive; folders, hidden files and those added by macOS do not count.
+    """Read the directory of a ZIP archive, without folders, hidden files and those added by macOS.
 
     Raises
     ------
@@ -220,16 +217,16 @@ def read_archive(source: Source, *, max_files: int = MAX_FILES) -> Archive:
         with zipfile.ZipFile(io.BytesIO(packed)) as whole:
             members = whole.infolist()
     except Exception as error:  # zipfile raises all kinds of errors on broken files
-        raise ValueError(NO_ARCHIVE) from error
+        raise ValueError(NOT_AN_ARCHIVE) from error
     kept = [member for member in members if not (member.is_dir() or _is_hidden(member.filename))]
     if not kept:
         raise ValueError("The archive holds no files.")
     if len(kept) > max_files:
         raise ValueError(f"The archive holds {len(kept):,} files; at most {max_files:,} are accepted.")
     for member in kept:
-        for said, is_so in _faults(member).items():
-            if is_so:
-                raise ValueError(f"{quote(member.filename)} in the archive {said}.")
+        for fault, is_present in _member_faults(member).items():
+            if is_present:
+                raise ValueError(f"{quote(member.filename)} in the archive {fault}.")
     unpacked = sum(member.file_size for member in kept)
     if unpacked > MAX_BYTES:
         raise ValueError(
@@ -242,26 +239,28 @@ def read_archive(source: Source, *, max_files: int = MAX_FILES) -> Archive:
     return Archive(names, packed)
 
 
-def _faults(member: zipfile.ZipInfo) -> dict[str, bool]:
-    """Return what may be wrong with a file of an archive by its directory, and whether it is."""
+def _member_faults(member: zipfile.ZipInfo) -> dict[str, bool]:
+    """Return the possible faults of a file in an archive, as phrases, and whether it has them by the directory."""
     name = member.filename
     parts = PurePosixPath(name.replace("\\", "/")).parts
     return {
-        "has too long a name": len(name) > MAX_NAME or len(parts) > MAX_DEPTH,
+        "has too long a name": len(name) > MAX_NAME_LENGTH or len(parts) > MAX_DEPTH,
         "points outside it; only names within are accepted": (
             ".." in parts or name.startswith(("/", "\\")) or ":" in parts[0]
         ),
-        "is encrypted; pack it without a password": bool(member.flag_bits & _ENCRYPTED),
-        "is packed by a method other than “deflate”": member.compress_type not in _METHODS,
+        "is encrypted; pack it without a password": bool(member.flag_bits & _ENCRYPTED_FLAG),
+        "is packed by a method other than “deflate”": (
+            member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+        ),
     }
 
 
 def _check_directory(packed: bytes) -> None:
     """Refuse a directory that is too long to parse: every entry takes ten times its bytes in memory."""
-    end = packed.rfind(_END, max(0, len(packed) - _END_BYTES - _COMMENT_BYTES))
-    if end < 0 or len(packed) - end < _END_BYTES:
-        raise ValueError(NO_ARCHIVE)
-    if packed[max(0, end - _ZIP64_LOCATOR_BYTES) : end].startswith(_END_OF_ZIP64):
+    end = packed.rfind(_END_RECORD_MAGIC, max(0, len(packed) - _END_RECORD_BYTES - _MAX_COMMENT_BYTES))
+    if end < 0 or len(packed) - end < _END_RECORD_BYTES:
+        raise ValueError(NOT_AN_ARCHIVE)
+    if packed[max(0, end - _ZIP64_LOCATOR_BYTES) : end].startswith(_ZIP64_LOCATOR_MAGIC):
         raise ValueError("The archive is in the format for more than 4 GB (ZIP64); pack fewer files.")
     size = int.from_bytes(packed[end + 12 : end + 16], "little")
     if size > MAX_DIRECTORY_BYTES:
@@ -276,12 +275,9 @@ def _is_hidden(name: str) -> bool:
     return "__MACOSX" in parts or parts[-1].startswith(".") or parts[-1].casefold() in ("thumbs.db", "desktop.ini")
 
 
-LONGEST_STEM, LONGEST_SUFFIX = 50, 10
-EARLIEST = (1980, 1, 1, 0, 0, 0)
-"""The earliest date that a ZIP can store: the time of the export would make every archive differ."""
+MAX_STEM_LENGTH, MAX_SUFFIX_LENGTH = 50, 10
+"""Characters of a file name that are kept before and from its last dot."""
 
-READABLE = 0o644 << 16
-UNIX = 3
 _DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
 
 
@@ -304,10 +300,10 @@ def bundle(files: Mapping[str, bytes | str]) -> bytes:
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
         for name, data in zip(names, files.values(), strict=True):
-            entry = zipfile.ZipInfo(name, EARLIEST)
-            # A PNG is compressed already.
+            entry = zipfile.ZipInfo(name)  # dated 1980-01-01: with the current time, every archive would differ
+            # A PNG is already compressed.
             entry.compress_type = zipfile.ZIP_STORED if name.endswith(".png") else zipfile.ZIP_DEFLATED
-            entry.external_attr, entry.create_system = READABLE, UNIX
+            entry.external_attr, entry.create_system = 0o644 << 16, 3  # rw-r--r-- on Unix
             archive.writestr(entry, data)
     return stream.getvalue()
 
@@ -315,10 +311,10 @@ def bundle(files: Mapping[str, bytes | str]) -> bytes:
 def file_name(name: str) -> str:
     """Return a name that is safe as a file name on any system and as text on a page: no folders, no Markdown.
 
-    Letters and digits of any script, and dots, underscores and hyphens between them, are kept; all else becomes a
-    hyphen.
+    Letters and digits of any script, and dots, underscores and hyphens between them, are kept; the rest becomes
+    hyphens.
     """
     last = unicodedata.normalize("NFC", re.split(r"[/\\]", name)[-1])
     harmless = PurePosixPath(re.sub(r"[^\w.]+", "-", last).strip("-_."))
-    short = harmless.stem[:LONGEST_STEM] + harmless.suffix[:LONGEST_SUFFIX]
+    short = harmless.stem[:MAX_STEM_LENGTH] + harmless.suffix[:MAX_SUFFIX_LENGTH]
     return f"file-{short}".rstrip("-") if not short or _DEVICES.match(short) else short

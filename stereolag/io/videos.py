@@ -1,4 +1,4 @@
-"""Frames of videos from untrusted bytes, each accessible exactly by its number."""
+"""Videos from untrusted bytes, with exact access to each frame by its number."""
 
 from __future__ import annotations
 
@@ -28,36 +28,36 @@ from stereolag.io.sources import Source, beginning, check_pixels, quote, read_by
 ACCEPTED = "MP4, MOV, MKV, WebM, AVI and WMV"
 WHAT = "video"
 DAMAGED = f"The {WHAT} is damaged or cut short; accepted are whole files of {ACCEPTED}."
-VIDEO_ENDINGS = frozenset(["mp4", "m4v", "mov", "3gp", "mkv", "webm", "avi", "wmv", "asf"])
+VIDEO_SUFFIXES = frozenset(["mp4", "m4v", "mov", "3gp", "mkv", "webm", "avi", "wmv", "asf"])
 
 CAMERA_CODECS = ["h264", "hevc", "av1", "libdav1d", "vp8", "vp9", "mpeg4", "mjpeg", "ffv1", "png", "rawvideo", "h263"]
 EDITOR_CODECS = ["prores", "cfhd", "dvvideo", "huffyuv", "ffvhuff", "msmpeg4v2", "msmpeg4", "wmv1", "wmv2", "wmv3"]
 CODECS = frozenset([*CAMERA_CODECS, *EDITOR_CODECS])
 """The codecs that cameras and editors write; FFmpeg has hundreds more, few of them tested on hostile bytes."""
 
-USUAL_RATE = 10.0
+DEFAULT_RATE_HZ = 10.0
 """Frame rate of a video that states no plausible one, Hz."""
 
-LEAST_RATE, MOST_RATE = 0.01, 1000
-"""Range of plausible frame rates, Hz."""
+MIN_RATE_HZ, MAX_RATE_HZ = 0.01, 1000
+"""Range of plausible frame rates."""
 
-GAP = 1.5
+GAP_RATIO = 1.5
 """Intervals between frames that are this many times as long as usual are gaps: frames were dropped."""
 
 _DEMUXERS = ("mov", "matroska", "avi", "asf")
-_PATIENCE_PACKETS = 64
-"""Number of later frames decoded before a missing frame counts as damaged."""
+_MAX_LATER_FRAMES = 64
+"""Later frames that are decoded before a missing frame counts as damaged."""
 
 
 class VideoFile:
     """The frames of a video by their numbers; a path is opened again after unpickling.
 
-    Threads that ask at the same time take turns.
+    It can be used by several threads, which take turns.
 
     Raises
     ------
     ValueError
-        A file of another kind, without pictures, with an unsupported codec, damaged, or beyond the limits in force
+        A file of another kind, without pictures, with an unsupported codec, damaged, or beyond the current limits
         (megapixels, frames, seconds). All are checked before a frame is decoded.
     """
 
@@ -66,29 +66,29 @@ class VideoFile:
             Path(source).resolve() if isinstance(source, str | PathLike) else read_bytes(source, WHAT)
         )
         self._track = track
-        self._turn = threading.Lock()
+        self._lock = threading.Lock()
         self._next = -1
         self._frames: Iterator[VideoFrame] | None = None
         stream = self._stream
         self.tracks = len(self._streams)
         """Number of tracks with pictures of one size, from the first on."""
-        self._shown, self._keys = self._indexed()
-        self.times_s = (np.array(self._shown) - self._shown[0]) * float(stream.time_base or 1)
+        self._frame_times, self._keyframe_times = self._index()
+        self.times_s = (np.array(self._frame_times) - self._frame_times[0]) * float(stream.time_base or 1)
         """Times at which the frames are shown, s after the first."""
         interval = usual_interval(self.times_s)
         # The mean rate of the stream is rounder, but dropped frames lower it.
-        gaps = interval is not None and (np.diff(self.times_s) > GAP * interval).any()
+        gaps = interval is not None and (np.diff(self.times_s) > GAP_RATIO * interval).any()
         rate = 1 / interval if interval and gaps else stream.average_rate or stream.guessed_rate
-        self.frame_rate = float(rate) if rate and LEAST_RATE <= rate <= MOST_RATE else USUAL_RATE
+        self.frame_rate = float(rate) if rate and MIN_RATE_HZ <= rate <= MAX_RATE_HZ else DEFAULT_RATE_HZ
         """Hz; gaps where frames were dropped do not count."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        opened = _opened_once if isinstance(self._source, Path) else VideoFile
+        opened = _open_once if isinstance(self._source, Path) else VideoFile
         return opened, (self._source, self._track)
 
     def __len__(self) -> int:
         """Return the number of frames."""
-        return len(self._shown)
+        return len(self._frame_times)
 
     def frame(self, number: int) -> Image:
         """Return a frame, (rows, cols) grey or (rows, cols, 3) RGB, uint8, by its number, from 0.
@@ -104,9 +104,9 @@ class VideoFile:
             A damaged frame; others are not affected.
         """
         self._check(number)
-        with self._turn:
+        with self._lock:
             try:
-                frame = self._decoded(number)
+                frame = self._decode(number)
                 grey = frame.format.name.startswith("gray")
                 image = frame.to_ndarray(format="gray" if grey else "rgb24")
                 return np.ascontiguousarray(np.rot90(image, round(frame.rotation / 90)))
@@ -151,16 +151,16 @@ class VideoFile:
                 f"The {WHAT} is coded as {name}; accepted are H.264, H.265, AV1, VP9, ProRes, Motion JPEG and others."
             )
         check_pixels(context.width, context.height, WHAT)
-        # Frames may grow within a stream: FFmpeg refuses one beyond this before it allocates memory for it.
+        # Frames may grow within a stream: FFmpeg refuses a larger one before it allocates memory for it.
         context.options = {"max_pixels": str(limits().max_pixels), "err_detect": "explode"}
         context.thread_count = 1  # leaves the cores to the matching
         return stream
 
-    def _indexed(self) -> tuple[list[int], list[int]]:
-        """Return the sorted times of all frames, and of those at which decoding can begin, in units of the stream."""
-        most, most_s = limits().max_frames, limits().max_video_s
-        shown: list[int] = []
-        keys: list[int] = []
+    def _index(self) -> tuple[list[int], list[int]]:
+        """Return the sorted times of all frames, and those of keyframes, in units of the stream."""
+        max_frames, max_s = limits().max_frames, limits().max_video_s
+        times: list[int] = []
+        keyframe_times: list[int] = []
         try:
             for packet in self._container.demux(self._stream):
                 if packet.size == 0 or packet.is_discard:
@@ -168,28 +168,28 @@ class VideoFile:
                 time = packet.pts if packet.pts is not None else packet.dts
                 if time is None:
                     raise ValueError(f"The {WHAT} does not say when its frames are shown; save it as MP4.")
-                shown.append(time)
+                times.append(time)
                 if packet.is_keyframe:
-                    keys.append(time)
-                if len(shown) > most:
-                    raise ValueError(f"The {WHAT} holds more than {most:,} frames, the most that is accepted.")
+                    keyframe_times.append(time)
+                if len(times) > max_frames:
+                    raise ValueError(f"The {WHAT} holds more than {max_frames:,} frames, the most that is accepted.")
         except av.FFmpegError as error:
-            if not shown:
+            if not times:
                 raise ValueError(DAMAGED) from error
-        if not shown or not keys:
+        if not times or not keyframe_times:
             raise ValueError(DAMAGED)
-        seconds = (max(shown) - min(shown)) * float(self._stream.time_base or 0)
-        if seconds > most_s:
-            raise ValueError(f"The {WHAT} is {seconds:,.0f} s long; at most {most_s:,} s are accepted.")
-        return sorted(set(shown)), sorted(keys)
+        seconds = (max(times) - min(times)) * float(self._stream.time_base or 0)
+        if seconds > max_s:
+            raise ValueError(f"The {WHAT} is {seconds:,.0f} s long; at most {max_s:,} s are accepted.")
+        return sorted(set(times)), sorted(keyframe_times)
 
-    def _decoded(self, number: int) -> VideoFrame:
-        wanted = self._shown[number]
+    def _decode(self, number: int) -> VideoFrame:
+        wanted = self._frame_times[number]
         if self._frames is None or number != self._next:
-            place = bisect_right(self._keys, wanted) - 1
-            self._container.seek(self._keys[max(place, 0)], stream=self._stream, backward=True)
-            self._frames = self._walk()
-        past = 0
+            place = bisect_right(self._keyframe_times, wanted) - 1
+            self._container.seek(self._keyframe_times[max(place, 0)], stream=self._stream, backward=True)
+            self._frames = self._decoded_frames()
+        later_frames = 0
         for frame in self._frames:
             time = frame.pts if frame.pts is not None else frame.dts
             if time == wanted:
@@ -197,12 +197,12 @@ class VideoFile:
                 if frame.is_corrupt:
                     raise ValueError("decoded from damaged packets")
                 return frame
-            past += time is not None and time > wanted
-            if past > _PATIENCE_PACKETS:
+            later_frames += time is not None and time > wanted
+            if later_frames > _MAX_LATER_FRAMES:
                 break
-        raise ValueError("it never came")
+        raise ValueError("the frame is missing")
 
-    def _walk(self) -> Iterator[VideoFrame]:
+    def _decoded_frames(self) -> Iterator[VideoFrame]:
         """Yield decoded frames from the container's current position, in the order in which they are shown."""
         context = self._stream.codec_context
         context.flush_buffers()
@@ -214,13 +214,13 @@ class VideoFile:
 
 
 class GuardedVideo(VideoFile):
-    """A stranger's video, which a worker of the guard opens and decodes; otherwise as :class:`VideoFile`."""
+    """An untrusted video, which a worker of the guard opens and decodes; otherwise as :class:`VideoFile`."""
 
     def __init__(self, source: Source, track: int = 0) -> None:
         self._source, self._track = read_bytes(source, WHAT), track
         self._guarded = GuardedObject(VideoFile, self._source, track)
-        facts: tuple[Vector, int, float] = self._guarded.ask(_facts)
-        self.times_s, self.tracks, self.frame_rate = facts
+        properties: tuple[Vector, int, float] = self._guarded.ask(_properties)
+        self.times_s, self.tracks, self.frame_rate = properties
 
     def __reduce__(self) -> tuple[Any, ...]:
         return GuardedVideo, (self._source, self._track)
@@ -236,7 +236,7 @@ class GuardedVideo(VideoFile):
         return image
 
 
-def _facts(video: VideoFile) -> tuple[Vector, int, float]:
+def _properties(video: VideoFile) -> tuple[Vector, int, float]:
     return video.times_s, video.tracks, video.frame_rate
 
 
@@ -247,10 +247,10 @@ def _size(stream: VideoStream) -> tuple[int, int]:
 def usual_interval(times_s: Vector) -> float | None:
     """Return the mean interval between frames without the gaps of dropped ones, s; None for a single frame."""
     steps = np.diff(times_s)
-    return float(steps[steps <= GAP * np.median(steps)].mean()) if len(steps) else None
+    return float(steps[steps <= GAP_RATIO * np.median(steps)].mean()) if len(steps) else None
 
 
 @lru_cache(maxsize=8)
-def _opened_once(path: Path, track: int) -> VideoFile:
-    """Return the video at a path, opened only once by a worker process that reads frame after frame."""
+def _open_once(path: Path, track: int) -> VideoFile:
+    """Return the video at a path, which a worker process that reads frame after frame opens only once."""
     return VideoFile(path, track)

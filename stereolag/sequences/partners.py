@@ -10,7 +10,7 @@ from pathlib import PurePath
 import numpy as np
 
 from stereolag.core.arrays import Indices, Vector
-from stereolag.io.videos import LEAST_RATE, MOST_RATE, usual_interval
+from stereolag.io.videos import MAX_RATE_HZ, MIN_RATE_HZ, usual_interval
 
 SAME_RATE = 0.01
 """Relative difference up to which the frame rates of two videos with as many frames are taken for one."""
@@ -83,7 +83,7 @@ def frame_rate_in_names(names: Sequence[str]) -> float | None:
     if len(times) < max(2, len(names)):
         return None
     interval = float(np.median(np.diff(times)))
-    return 1 / interval if LEAST_RATE <= 1 / max(interval, 1e-9) <= MOST_RATE else None
+    return 1 / interval if MIN_RATE_HZ <= 1 / max(interval, 1e-9) <= MAX_RATE_HZ else None
 
 
 def partners_in_time(times: Vector, others: Vector) -> list[int | None]:

@@ -22,11 +22,11 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import rectify, turned
 from stereolag.io.disparities import DISPARITY_SUFFIXES, read_disparity, read_stored_disparity
 from stereolag.io.ground_truth import TruthFit, divisor_in_words, stored_truth_fit
-from stereolag.io.guard import Door, guarded, unguarded
+from stereolag.io.guard import Guard, guarded, unguarded
 from stereolag.io.images import IMAGE_SUFFIXES, read_image
 from stereolag.io.pairing import matched_pairs, natural_order, pictures_by_side, unpaired_left
 from stereolag.io.sources import Archive, Source, beginning, is_archive, read_archive
-from stereolag.io.videos import LEAST_RATE, MOST_RATE, VIDEO_ENDINGS, GuardedVideo, VideoFile
+from stereolag.io.videos import MAX_RATE_HZ, MIN_RATE_HZ, VIDEO_SUFFIXES, GuardedVideo, VideoFile
 from stereolag.samples import DriveExample
 from stereolag.sequences.partners import frame_rate_in_names, partners_by_name, partners_of_frames, same_rate
 
@@ -164,13 +164,13 @@ def _picture_sequence(
     files: Sequence[FrameFiles],
     frame_rate: float | None,
     source_of: Callable[[str], Source] = Path,
-    door: Door = unguarded,
+    guard: Guard = unguarded,
 ) -> StereoSequence:
     """Return the frames in separate picture files.
 
     How the true disparities of all frames are read follows from one of them; files of depth instead are ignored.
     """
-    fit, note = _fit_of_truths(files, source_of, door)
+    fit, note = _fit_of_truths(files, source_of, guard)
     if fit is not None and fit.is_depth:
         files = [one._replace(truth=None) for one in files]
     divisor = None if fit is None else fit.divisor
@@ -178,34 +178,34 @@ def _picture_sequence(
     return StereoSequence(
         _frame_names(lefts),
         frame_rate or frame_rate_in_names(lefts) or DEFAULT_RATE_HZ,
-        lambda number: partial(_read_pictures, files[number], source_of, door, divisor),
+        lambda number: partial(_read_pictures, files[number], source_of, guard, divisor),
         has_truth=any(one.truth is not None for one in files),
         notes=(note,) if note else (),
     )
 
 
 def _fit_of_truths(
-    files: Sequence[FrameFiles], source_of: Callable[[str], Source], door: Door
+    files: Sequence[FrameFiles], source_of: Callable[[str], Source], guard: Guard
 ) -> tuple[TruthFit | None, str]:
     """Return how the first readable true disparity fits its frame, and a sentence about it, or ""."""
     for one in [one for one in files if one.truth is not None and one.right is not None][:MAX_FRAMES_TRIED]:
         with suppress(ValueError, OSError):  # a damaged frame
-            left, right, _ = _read_pictures(one._replace(truth=None), source_of, door)
-            stored = door(read_stored_disparity)(source_of(one.truth or ""))
+            left, right, _ = _read_pictures(one._replace(truth=None), source_of, guard)
+            stored = guard(read_stored_disparity)(source_of(one.truth or ""))
             fit = stored_truth_fit(stored, left, right)
             return fit, fit.doubt or divisor_in_words(stored, fit.divisor)
     return None, ""
 
 
 def _read_pictures(
-    names: FrameFiles, source_of: Callable[[str], Source], door: Door, divisor: float | None = None
+    names: FrameFiles, source_of: Callable[[str], Source], guard: Guard, divisor: float | None = None
 ) -> StereoFrame:
     if names.right is None:
         raise ValueError(f"{Path(names.left).name} has no picture of the right camera.")
-    left, right = (_read_picture(name, source_of, door) for name in (names.left, names.right))
+    left, right = (_read_picture(name, source_of, guard) for name in (names.left, names.right))
     if names.truth is None:
         return StereoFrame(left, right)
-    return StereoFrame(left, right, door(partial(read_disparity, divisor=divisor))(source_of(names.truth)))
+    return StereoFrame(left, right, guard(partial(read_disparity, divisor=divisor))(source_of(names.truth)))
 
 
 def _archived(archive: Path | Archive, name: str) -> bytes:
@@ -285,7 +285,7 @@ def open_sequence(
     truth: str | PathLike[str] | None = None,
     frame_rate: float | None = None,
     layout: Layout | None = None,
-    door: Door = unguarded,
+    guard: Guard = unguarded,
 ) -> StereoSequence:
     """Open the frames of a stereo camera.
 
@@ -302,8 +302,8 @@ def open_sequence(
         Hz; by default that of the slower video; of pictures, that of Unix times in their names, or 10.
     layout
         Layout of both views in each picture or frame, the left one first; by default found from the pictures.
-    door
-        :func:`~stereolag.io.guard.guarded` if the guard is to decode the files, which come from strangers.
+    guard
+        :func:`~stereolag.io.guard.guarded` to decode untrusted files in the guard process.
 
     Returns
     -------
@@ -318,14 +318,14 @@ def open_sequence(
         If there is nothing to read, the sides cannot be paired, the frame rate is implausible, or there are more
         frames, pixels or seconds than the limits in force.
     """
-    video = VideoFile if door is unguarded else GuardedVideo
-    if frame_rate is not None and not LEAST_RATE <= frame_rate <= MOST_RATE:
-        raise ValueError(f"frame_rate is {frame_rate} Hz; allowed are {LEAST_RATE} to {MOST_RATE} Hz.")
+    video = VideoFile if guard is unguarded else GuardedVideo
+    if frame_rate is not None and not MIN_RATE_HZ <= frame_rate <= MAX_RATE_HZ:
+        raise ValueError(f"frame_rate is {frame_rate} Hz; allowed are {MIN_RATE_HZ} to {MAX_RATE_HZ} Hz.")
     if right is None:
-        sequence = _open_one(left, frame_rate, door, video, layout)
+        sequence = _open_one(left, frame_rate, guard, video, layout)
     elif layout is not None:
         raise ValueError("A layout is that of frames with both views; these are two files.")
-    elif isinstance(left, str | PathLike) and (Path(left).is_dir() or _ending(Path(left)) not in VIDEO_ENDINGS):
+    elif isinstance(left, str | PathLike) and (Path(left).is_dir() or _ending(Path(left)) not in VIDEO_SUFFIXES):
         lefts, rights = _pictures(left, IMAGE_SUFFIXES), _pictures(right, IMAGE_SUFFIXES)
         truths = [] if truth is None else _pictures(truth, DISPARITY_SUFFIXES)
         partners = partners_by_name(lefts, rights, "right pictures")
@@ -338,7 +338,7 @@ def open_sequence(
     return sequence
 
 
-open_uploads = partial(open_sequence, door=guarded)
+open_uploads = partial(open_sequence, guard=guarded)
 """Opens the frames in strangers' files; the guard decodes them."""
 
 
@@ -349,15 +349,15 @@ def example_sequence(example: DriveExample) -> StereoSequence:
 
 
 def _open_one(
-    source: Source, frame_rate: float | None, door: Door, video: type[VideoFile], layout: Layout | None
+    source: Source, frame_rate: float | None, guard: Guard, video: type[VideoFile], layout: Layout | None
 ) -> StereoSequence:
     path = Path(source).absolute() if isinstance(source, str | PathLike) else None
     if path is not None and (path.is_dir() or (glob.has_magic(str(path)) and not path.exists())):
         names = sorted(_below(path) if path.is_dir() else _pictures(path, IMAGE_SUFFIXES), key=natural_order)
-        return _of_files(names, frame_rate, path.joinpath, door, layout)
+        return _of_files(names, frame_rate, path.joinpath, guard, layout)
     if is_archive(beginning(source)):
         archive = read_archive(source, max_files=MAX_ARCHIVED_FILES)
-        return _of_files(archive.names, frame_rate, partial(_archived, path or archive), door, layout)
+        return _of_files(archive.names, frame_rate, partial(_archived, path or archive), guard, layout)
     both = video(source)
     if both.tracks == 2 and layout is None:
         return _two_videos(both, video(source, track=1), frame_rate)
@@ -374,14 +374,14 @@ def _of_files(
     names: Sequence[str],
     frame_rate: float | None,
     source_of: Callable[[str], Source],
-    door: Door,
+    guard: Guard,
     layout: Layout | None,
 ) -> StereoSequence:
     """Return the frames in the pictures of a folder or an archive: pairs by their names, or both views in each."""
     if layout is None and (files := _frames_among(names)):
-        return _picture_sequence(files, frame_rate, source_of, door)
+        return _picture_sequence(files, frame_rate, source_of, guard)
     pictures = [name for name in names if _ending(Path(name)) in IMAGE_SUFFIXES]
-    shown = (partial(_read_picture, name, source_of, door) for name in pictures[:: max(1, len(pictures) // 2)])
+    shown = (partial(_read_picture, name, source_of, guard) for name in pictures[:: max(1, len(pictures) // 2)])
     both = (layout, False) if layout and pictures else _layout_of(shown)
     if both is None:
         raise ValueError(
@@ -390,12 +390,12 @@ def _of_files(
     return StereoSequence(
         _frame_names(pictures),
         frame_rate or frame_rate_in_names(pictures) or DEFAULT_RATE_HZ,
-        lambda number: partial(_read_both_views, partial(_read_picture, pictures[number], source_of, door), *both),
+        lambda number: partial(_read_both_views, partial(_read_picture, pictures[number], source_of, guard), *both),
     )
 
 
-def _read_picture(name: str, source_of: Callable[[str], Source], door: Door) -> Image:
-    return door(read_image)(source_of(name))
+def _read_picture(name: str, source_of: Callable[[str], Source], guard: Guard) -> Image:
+    return guard(read_image)(source_of(name))
 
 
 def _below(folder: Path) -> list[str]:

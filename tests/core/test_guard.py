@@ -36,8 +36,8 @@ def test_a_guarded_reader_gives_what_the_reader_gives() -> None:
 
 @pytest.fixture
 def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(guard, "READING_S", 0.2 / max(1, limits().max_megasamples / guard.USUAL_MEGASAMPLES))
-    monkeypatch.setattr(guard, "PATIENCE", 25)
+    monkeypatch.setattr(guard, "MAX_CPU_S", 0.2 / max(1, limits().max_megasamples / guard.REFERENCE_MEGASAMPLES))
+    monkeypatch.setattr(guard, "WALL_CLOCK_FACTOR", 25)
 
 
 @pytest.mark.usefixtures("hasty")
@@ -106,12 +106,12 @@ def _end(_: object) -> None:
 
 
 def test_of_many_objects_those_unused_for_longest_are_closed_and_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(guard, "KEPT_OPEN", 1)
+    monkeypatch.setattr(guard, "MAX_OPEN_FILES", 1)
     objects = [GuardedObject(bytearray, bytes([number])) for number in range(2)]
     for one in objects:
         one.ask(bytes)
     workers = [one._worker for one in objects if one._worker is not None]
-    assert sum(not worker.ended for worker in workers) == guard.KEPT_OPEN
+    assert sum(not worker.ended for worker in workers) == guard.MAX_OPEN_FILES
     assert [one.ask(bytes) for one in objects] == [bytes([number]) for number in range(len(objects))]
     del one, objects
     assert all(worker.ended for worker in workers)
@@ -127,7 +127,7 @@ import os, sys, threading, time
 from functools import partial
 from stereolag.io import guard
 from stereolag.io.guard import guarded, start_guard
-guard.READING_S, guard.PATIENCE = 0.02, 20
+guard.MAX_CPU_S, guard.WALL_CLOCK_FACTOR = 0.02, 20
 start_guard()
 def sleep():
     try:

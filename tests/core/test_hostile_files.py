@@ -100,6 +100,6 @@ def test_whoever_runs_it_sets_the_limit_of_samples(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("stereolag.core.jobs._defaults", {})
     set_defaults(max_megasamples=1)
     for data in (b"1\n" * 1_000_001, FILES["recording: FLAC, header claims 30 million of 100"].make()):
-        with pytest.raises(ValueError, match="at most 1,000,000 in all"):
+        with pytest.raises(ValueError, match="at most 1,000,000 in total"):
             read_signal(data)
     set_defaults(max_megasamples=30)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy import signal
 
-from stereolag.io.clocks import Gap, Recording, at_one_rate, saved_twice, starts_apart
+from stereolag.io.clocks import Gap, Recording, at_one_rate, duplicate_warning, start_difference_s
 from stereolag.io.columns import read_columns
 from stereolag.io.stamps import read_stamps
 from stereolag.signals import signal_lag
@@ -465,7 +465,7 @@ def test_a_counter_of_32_bits_goes_on_when_it_begins_again(name: str, unit: floa
     lines = [f"{count},{value}" for count, value in zip(counts, A[there], strict=True)]
     recording = read("\n".join([f"{name},A"] * bool(name) + lines))
     assert recording.sampling_rate == (pytest.approx(0.05 / unit) if name else None)
-    assert recording.notes[0].endswith("began again at 2^32 and was counted on")
+    assert recording.notes[0].endswith("began again at 2^32 and was continued")
     np.testing.assert_array_equal(recording.channels[0, there], A[there])
     with pytest.raises(ValueError, match="goes back in time"):
         read("\n".join(["millis,A", *lines]).replace(f"\n{counts[60]},", "\n5,"))
@@ -560,8 +560,8 @@ def test_two_recordings_with_dates_tell_how_far_apart_they_begin() -> None:
     second = read(
         rows(lambda index: f"{stamp('%d.%m.%Y %H:%M:%S,%L', start=START + timedelta(seconds=5))(index)};{A[index]}")
     )
-    assert starts_apart(first, second) == pytest.approx(5)
-    assert starts_apart(first, read(ELAPSED["seconds"])) is None
+    assert start_difference_s(first, second) == pytest.approx(5)
+    assert start_difference_s(first, read(ELAPSED["seconds"])) is None
     assert "begins 2024-05-13 10:00:05" in second.remarks
 
 
@@ -569,11 +569,11 @@ def test_one_signal_saved_twice_is_told_however_loud_and_two_sensors_are_not() -
     sound = np.random.default_rng(4).normal(size=(1, 3000)) * 0.2
     first = Recording(sound, RATE)
     for other in (sound, -0.3 * sound + 0.1, np.round(0.3 * sound * 32767) / 32767):
-        assert "one signal, saved twice" in saved_twice(first, Recording(other, RATE))
+        assert "one signal, saved twice" in duplicate_warning(first, Recording(other, RATE))
     for other in (sound + 0.01 * A.std() * sound[:, ::-1], np.roll(sound, 3), sound[:, 1:], 0 * sound):
-        assert saved_twice(first, Recording(other, RATE)) == ""
+        assert duplicate_warning(first, Recording(other, RATE)) == ""
     triggers = Recording((sound > 0.3).astype(float), RATE)
-    assert saved_twice(triggers, triggers) == ""
+    assert duplicate_warning(triggers, triggers) == ""
 
 
 LOST_ALL, LOST_SOME = range(40, 100), range(1, 300, 3)

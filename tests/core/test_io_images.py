@@ -208,9 +208,13 @@ def test_all_numbers_of_a_tiff_keep_their_values(kind: type, channels: int) -> N
 @pytest.mark.parametrize(
     ("pixels", "options", "said"),
     [
-        (np.zeros((9, 11), np.float16), {}, "1 × 16 bits a pixel, floats, which is not read: save it as grey, RGB or"),
-        (np.zeros((9, 11), np.complex64), {}, "1 × 64 bits a pixel, complex numbers, which"),
-        (np.zeros((3, 9, 11), np.uint16), {"planarconfig": "separate"}, "each channel apart"),
+        (
+            np.zeros((9, 11), np.float16),
+            {},
+            "1 × 16 bits per pixel, floats, which is not read: save it as grey, RGB or",
+        ),
+        (np.zeros((9, 11), np.complex64), {}, "1 × 64 bits per pixel, complex numbers, which"),
+        (np.zeros((3, 9, 11), np.uint16), {"planarconfig": "separate"}, "in separate channels"),
     ],
 )
 def test_a_tiff_that_is_not_read_is_named_and_not_called_damaged(pixels, options, said) -> None:

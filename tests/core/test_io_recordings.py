@@ -185,7 +185,7 @@ def test_page_command_and_documentation_list_the_same_formats() -> None:
 
 
 def test_long_arrays_and_what_float32_cannot_hold_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(clocks, "LONGEST_DOUBLE", 70_000)
+    monkeypatch.setattr(clocks, "MAX_FLOAT64_SAMPLES", 70_000)
     path = tmp_path / "sound.npy"
     np.save(path, np.zeros((40_000, 2)))
     assert read_signal(path).channels.dtype == np.float32

@@ -76,7 +76,7 @@ def test_what_ffmpeg_writes_is_read_in_its_place(name: str, kind: str, codec: st
     assert recording.sampling_rate == rate
     result = signal_lag(Recording(VOICE[np.newaxis], rate), recording)
     assert (result.lag, result.verdict) == (delay, "sure")
-    assert (sounds.DELAYED in recording.notes) == (not form.states_delay and codec != "pcm_s16le")
+    assert (sounds.UNKNOWN_DELAY in recording.notes) == (not form.states_delay and codec != "pcm_s16le")
 
 
 def test_telephone_sound_is_read() -> None:
@@ -246,7 +246,7 @@ LONG = np.random.default_rng(0).uniform(-0.5, 0.5, (40_000, 2))
 
 @pytest.fixture
 def _soon_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(clocks, "LONGEST_DOUBLE", 70_000)
+    monkeypatch.setattr(clocks, "MAX_FLOAT64_SAMPLES", 70_000)
 
 
 @pytest.mark.usefixtures("_soon_long")
@@ -273,7 +273,7 @@ def test_audio_on_disk_is_streamed_whatever_its_size(
     if cut:
         path.write_bytes(data[:40] + bytes(4) + data[44:])
     monkeypatch.setattr(sources, "MAX_BYTES", 10_000)
-    monkeypatch.setattr(sounds, "BLOCK", 2**16)
+    monkeypatch.setattr(sounds, "BLOCK_SAMPLES", 2**16)
     with pytest.raises(ValueError, match="larger than"):
         read_signal(path.read_bytes())
     tracemalloc.start()

@@ -369,9 +369,9 @@ def _ask_one_picture() -> Pictures | None:
 
     def split(data: bytes) -> tuple[Image, Image, str]:
         try:
-            return read_views(data, layout, door=guarded)
+            return read_views(data, layout, guard=guarded)
         except OneView:
-            return read_views(data, Layout.BESIDE, door=guarded)
+            return read_views(data, Layout.BESIDE, guard=guarded)
 
     both = upload(
         "Both images in one",

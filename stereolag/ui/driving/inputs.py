@@ -18,7 +18,7 @@ from stereolag.core.inputs import as_stereo_pair
 from stereolag.core.jobs import limits
 from stereolag.geometry.rectification import calibration_for
 from stereolag.io.sources import bundle, is_archive
-from stereolag.io.videos import VIDEO_ENDINGS, GuardedVideo
+from stereolag.io.videos import VIDEO_SUFFIXES, GuardedVideo
 from stereolag.pair import Pair, PairId, upright
 from stereolag.samples import drives
 from stereolag.sequences import (
@@ -226,7 +226,7 @@ def _ask_one_file() -> Upload[_Frames] | None:
         "ZIP of left/ and right/, or a video with both views",
         partial(_opened, layout=layout),
         key=f"{KEY}.one",
-        types=("zip", *sorted(VIDEO_ENDINGS)),
+        types=("zip", *sorted(VIDEO_SUFFIXES)),
         note="In a ZIP, folders or names tell the side: left/000.png and right/000.png. In a video, one view is "
         "beside or above the other.",
         variant=layout and f" {layout}",
@@ -241,7 +241,7 @@ def _video(data: bytes) -> bytes:
 
 def _ask_two_videos() -> Upload[_Frames] | None:
     left, right = (
-        upload(f"{side} video", _video, key=f"{KEY}.{side.lower()}", types=sorted(VIDEO_ENDINGS))
+        upload(f"{side} video", _video, key=f"{KEY}.{side.lower()}", types=sorted(VIDEO_SUFFIXES))
         for side in in_columns(("Left", "Right"))
     )
     if left is None or right is None:

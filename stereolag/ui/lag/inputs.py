@@ -16,7 +16,7 @@ from stereolag.core.arrays import Vector
 from stereolag.core.inputs import as_signal
 from stereolag.core.searches import LagSearch
 from stereolag.core.settings import Bounds, Problem, SettingsError
-from stereolag.io.clocks import Recording, at_one_rate, saved_twice
+from stereolag.io.clocks import Recording, at_one_rate, duplicate_warning
 from stereolag.io.formats import ACCEPTED, RECORDING_SUFFIXES
 from stereolag.io.guard import guarded
 from stereolag.signals.listening import Heard, Listening
@@ -169,7 +169,9 @@ def _pair(
 ) -> RecordingPair:
     """Return the two channels as a pair; ValueError if they cannot be compared."""
     one, other = at_one_rate(first.content.channel(channel_1), second.content.channel(channel_2))
-    facts = own_facts((one, other), (channel_1, channel_2), (first.content.highest, second.content.highest))
+    facts = own_facts(
+        (one, other), (channel_1, channel_2), (first.content.highest_channel, second.content.highest_channel)
+    )
     return RecordingPair(
         f"Your own recordings.  \n{facts}",
         digest,
@@ -178,7 +180,7 @@ def _pair(
         as_signal(other.channels[0], "The recording of sensor 2"),
         one.sampling_rate or other.sampling_rate,
         None,
-        saved_twice(one, other),
+        duplicate_warning(one, other),
     )
 
 

@@ -15,7 +15,7 @@ from stereolag.core.typography import duration, enumeration, four_digits, typese
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.figures.recordings import band_of_chance
 from stereolag.figures.verdicts import MAX_NAMED, verdict_in_words
-from stereolag.io.clocks import Recording, starts_apart
+from stereolag.io.clocks import Recording, start_difference_s
 from stereolag.io.results import over_time_in_words
 from stereolag.signals import SignalLag, phasors
 from stereolag.signals.by_hand import ECHO_DELAY, LAG, MAX_LAG, Disturbances, Slide
@@ -84,7 +84,7 @@ def own_facts(recordings: Sequence[Recording], channels: Sequence[int], counts: 
         f"Sensor {number}: " + ", ".join(_facts(one, channel, count, stated)) + "."
         for number, (one, channel, count) in enumerate(zip(recordings, channels, counts, strict=True), start=1)
     ]
-    apart = starts_apart(*recordings)
+    apart = start_difference_s(*recordings)
     if apart:
         lines.append(f"By their clocks, the recording of sensor 2 begins {duration(apart)} after that of sensor 1.")
     return "  \n".join(lines)
