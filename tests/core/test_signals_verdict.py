@@ -370,6 +370,14 @@ def test_long_recordings_are_judged_by_sections() -> None:
     assert (nothing.verdict, nothing.over_time) == ("nothing", None)
 
 
+@pytest.mark.parametrize(("length", "verdict"), [(20, "nothing"), (300, "sure"), (3000, "sure")])
+def test_an_excerpt_of_a_long_recording_is_judged_by_as_many_sections_as_it_has(length: int, verdict: str) -> None:
+    sound = np.random.default_rng(length).normal(size=270_000)
+    result = signal_lag(sound[700 : 700 + length], sound, max_lag=1000)
+    assert (result.verdict, result.lag) == (verdict, 700)
+    assert signal_lag(sound, np.random.default_rng(0).normal(size=length), max_lag=1000).verdict == "nothing"
+
+
 @given(size=st.integers(2, 80), first=st.floats(-5, 60), step=st.floats(0.9, 1.1), values=st.integers(1, 90))
 def test_a_resampled_recording_is_the_plain_formula(size: int, first: float, step: float, values: int) -> None:
     samples, filters = np.random.default_rng(size).normal(size=size), over_time.interpolation()
