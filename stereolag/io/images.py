@@ -171,7 +171,13 @@ def _decode(data: bytes, number: int) -> tuple[Image, int]:
     if pages:
         _check_frame(number, len(pages))
         data = _with_page_first(data, pages[number - 1])
-        if not _pillow_keeps_tiff(data):
+        pillow_keeps = _pillow_keeps_tiff(data)
+        if number == 1 and _page_tags(data).get(_SUBFILE_TYPE, (0,))[0] & _IS_PREVIEW:
+            raise ValueError(
+                "The image (TIFF) begins with a small preview, as raw photographs do (DNG, NEF, ARW): develop it, and "
+                "save it as TIFF or PNG."
+            )
+        if not pillow_keeps:
             return _decode_with_opencv(data, kind), len(pages)  # which also applies the orientation, unlike in a PNG
     try:
         # Not `PillowImage.open`, whose limit on pixels holds for the whole process.
@@ -249,8 +255,11 @@ def _decoding_error(kind: str) -> ValueError:
 
 # TIFF: https://www.itu.int/itudoc/itu-t/com16/tiff-fx/docs/tiff6.pdf
 
-_WIDTH, _HEIGHT, _BITS, _SAMPLES, _PLANES, _SAMPLE_FORMAT = 256, 257, 258, 277, 284, 339
+_SUBFILE_TYPE, _WIDTH, _HEIGHT, _BITS, _SAMPLES, _PLANES, _SAMPLE_FORMAT = 254, 256, 257, 258, 277, 284, 339
 """Tags of a page."""
+
+_IS_PREVIEW = 1
+"""Bit of the type of a page that shows another one at reduced size."""
 
 _INTEGER_LETTERS = {1: "B", 3: "H", 4: "L", 16: "Q"}
 """Types of integers in a tag, as letters of :mod:`struct`."""
@@ -297,7 +306,7 @@ def _page_tags(data: bytes) -> dict[int, tuple[int, ...]]:
     for place in range(start + struct.calcsize(count), len(data) - entry, entry)[:entries]:
         tag, kind = struct.unpack_from(f"{count[0]}HH", data, place)
         (size,) = struct.unpack_from(offset, data, place + 4)
-        if tag in (_WIDTH, _HEIGHT, _BITS, _SAMPLES, _PLANES, _SAMPLE_FORMAT) and size:
+        if tag in (_SUBFILE_TYPE, _WIDTH, _HEIGHT, _BITS, _SAMPLES, _PLANES, _SAMPLE_FORMAT) and size:
             letter, values_at = _INTEGER_LETTERS[kind], place + 4 + inline
             if size * struct.calcsize(count[0] + letter) > inline:
                 (values_at,) = struct.unpack_from(offset, data, values_at)

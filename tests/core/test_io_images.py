@@ -215,6 +215,7 @@ def test_all_numbers_of_a_tiff_keep_their_values(kind: type, channels: int) -> N
         ),
         (np.zeros((9, 11), np.complex64), {}, "1 × 64 bits per pixel, complex numbers, which"),
         (np.zeros((3, 9, 11), np.uint16), {"planarconfig": "separate"}, "in separate channels"),
+        (RGB, {"subfiletype": 1}, "begins with a small preview, as raw photographs do"),
     ],
 )
 def test_a_tiff_that_is_not_read_is_named_and_not_called_damaged(pixels, options, said) -> None:
