@@ -127,7 +127,7 @@ def _add_files(parser: CommandParser) -> None:
         metavar="FILE",
         type=Path,
         help=f"write the depth to this file, for which --calibration is needed: .tif has metres as 32-bit floats, NaN "
-        f"where there is none; .png whole millimetres up to {MAX_PNG_DEPTH_M} m in 16 bits, as ROS has it, 0 where "
+        f"where there is none; .png whole millimetres up to {MAX_PNG_DEPTH_M} m in 16 bits, as in ROS, 0 where "
         "there is none. Of a raw pair it is that of the rectified left image",
     )
     files.add_argument(
@@ -146,7 +146,7 @@ def _check_depth(parser: CommandParser, options: argparse.Namespace) -> None:
         parser.error(f"--depth is {options.depth}; its name ends in {', '.join(others)} or {last}.")
     if options.calibration is None:
         raise ValueError(
-            "Depth in metres takes a calibration: give --calibration with that of the cameras, or with a file "
+            "Depth in metres needs a calibration: give --calibration with that of the cameras, or with a file "
             '{"focal_px": 1000, "baseline_m": 0.1} for a rectified pair.'
         )
 

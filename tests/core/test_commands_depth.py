@@ -191,7 +191,7 @@ def test_depth_in_millimetres_tells_what_is_beyond(focal_px: float, beyond: bool
         ("left.png right.png --block-size 9", 2, "There is one with --method bm or sgbm."),
         ("left.png right.png --method bm --block-size 61", 4, "block_size is 61 px and the images"),
         ("left.png right.png --out truth.pfm", 4, "truth.pfm: File exists."),
-        ("left.png right.png --depth depth.tif", 4, "Depth in metres takes a calibration: give --calib"),
+        ("left.png right.png --depth depth.tif", 4, "Depth in metres needs a calibration: give --calib"),
         ("left.png right.png --depth depth.pfm", 2, "its name ends in .tif, .tiff or .png."),
     ],
 )
