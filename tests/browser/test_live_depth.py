@@ -74,7 +74,7 @@ def test_every_failure_of_a_camera_has_its_own_sentence(camera_page: Page) -> No
         "NotAllowedError": "The browser does not allow it",
         "NotFoundError": "No such device is connected",
         "NotReadableError": "in use by another program",
-        "OverconstrainedError": "is not connected any more",
+        "OverconstrainedError": "is no longer connected",
         "AbortError": "The device cannot be used",
     }.items():
         fake_media.refuse_cameras(page, error)
