@@ -76,7 +76,7 @@ class SemiGlobal(Settings):
     edge_contrast: int = Field(
         default=40,
         title="Strong edge",
-        description="PathStep between two pixels, grey levels of 255, that counts as a strong edge.",
+        description="Step between two pixels, grey levels of 255, that counts as a strong edge.",
         ge=1,
         le=255,
     )
