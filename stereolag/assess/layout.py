@@ -12,6 +12,7 @@ from enum import StrEnum
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from stereolag.assess.features import MIN_MATCHES, Correspondences
 from stereolag.assess.orientation import (
@@ -27,7 +28,7 @@ from stereolag.assess.orientation import (
 )
 from stereolag.assess.search_range import quick_map, reduced
 from stereolag.assess.uncalibrated import centre_of, fit_rectification
-from stereolag.core.arrays import DoubleMap, FloatMap, median
+from stereolag.core.arrays import DoubleMap, median
 from stereolag.core.inputs import Image, as_eight_bit, as_grey, local_deviation
 from stereolag.stereo.opencv import StereoSGBM
 
@@ -144,27 +145,32 @@ def likely_layout(image: Image) -> tuple[Layout, bool] | None:
     return layout, crossed != (order < -MIN_ORDER_SIGMAS)
 
 
-def _coarse_disparity(
+def _coarse_disparities(
     left: Image, right: Image, reach: int, block_size: int, uniqueness_ratio: int
-) -> tuple[FloatMap, Image]:
-    """Return the disparities of small copies of grey views, without columns at the borders, and the left copy."""
+) -> tuple[npt.NDArray[np.float32], float]:
+    """Return the disparities found at the textured pixels of small grey views, and the share of these pixels found.
+
+    None are found if hardly any pixel has texture.
+    """
     size = LAYOUT_WIDTH_PX, max(16, round(LAYOUT_WIDTH_PX * left.shape[0] / left.shape[1]))
     small = [cv2.resize(view, size, interpolation=cv2.INTER_AREA) for view in (left, right)]
     matcher = StereoSGBM(
         min_disparity=-reach, num_disparities=2 * reach, block_size=block_size, uniqueness_ratio=uniqueness_ratio
     )
-    return matcher.compute(*small).disparity[:, reach:-reach], small[0]
+    seen = slice(reach, -reach)
+    textured = local_deviation(small[0], 7)[:, seen] > MIN_TEXTURE
+    disparities = matcher.compute(*small).disparity[:, seen][textured]
+    if textured.mean() < MIN_TEXTURED_SHARE:
+        return disparities[:0], 0.0
+    known = np.isfinite(disparities)
+    return disparities[known], float(known.mean())
 
 
 def _matched(left: Image, right: Image) -> tuple[float, float]:
     """Return the share of the textured pixels of small views that are matched, and their median disparity, px."""
     greys = as_eight_bit(as_grey(left), as_grey(right))
-    disparity, small = _coarse_disparity(*greys, LAYOUT_REACH_PX, block_size=7, uniqueness_ratio=10)
-    textured = local_deviation(small, 7)[:, LAYOUT_REACH_PX:-LAYOUT_REACH_PX] > MIN_TEXTURE
-    known = np.isfinite(disparity) & textured
-    if textured.mean() < MIN_TEXTURED_SHARE or not known.any():
-        return 0.0, 0.0
-    return float(known.sum() / textured.sum()), median(disparity[known])
+    disparities, share = _coarse_disparities(*greys, LAYOUT_REACH_PX, block_size=7, uniqueness_ratio=10)
+    return share, median(disparities) if disparities.size else 0.0
 
 
 def _repeats(image: Image, layout: Layout, share: float) -> bool:
@@ -176,11 +182,10 @@ def _repeats(image: Image, layout: Layout, share: float) -> bool:
 def _is_anaglyph(image: Image) -> bool:
     """Return whether red shows another view than green and blue; in a single view, all colours coincide."""
     red, cyan = (cv2.equalizeHist(one) for one in as_eight_bit(image[:, :, 0], image[:, :, 1]))
-    disparity, _ = _coarse_disparity(red, cyan, LAYOUT_REACH_PX // 2, block_size=11, uniqueness_ratio=5)
-    known = np.isfinite(disparity)
-    if known.mean() <= MIN_MATCHED_SHARE:
+    disparities, share = _coarse_disparities(red, cyan, LAYOUT_REACH_PX // 2, block_size=11, uniqueness_ratio=5)
+    if share <= MIN_MATCHED_SHARE:
         return False
-    return bool((np.abs(disparity[known]) > MIN_COLOUR_DISPARITY_PX).mean() > MIN_COLOUR_SHARE)
+    return bool((np.abs(disparities) > MIN_COLOUR_DISPARITY_PX).mean() > MIN_COLOUR_SHARE)
 
 
 def in_words(image: Image, layout: Layout, *, crossed: bool) -> str:

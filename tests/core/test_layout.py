@@ -84,3 +84,12 @@ def test_what_holds_no_two_views_is_refused_by_name() -> None:
     for one_view in (file(LEFT), file(LEFT, "MPO", RIGHT[::4, ::4])):
         with pytest.raises(OneView, match="holds one view"):
             read_views(one_view)
+
+
+@pytest.mark.parametrize("ink", [None, (20, 20, 20), (220, 20, 20)])
+def test_a_blank_picture_and_a_page_of_text_are_no_anaglyph(ink: tuple[int, int, int] | None) -> None:
+    """So begins a video that is faded in."""
+    page = np.full((240, 320, 3), 0 if ink is None else 250, dtype=np.uint8)
+    if ink is not None:
+        cv2.putText(page, "Hello", (50, 100), cv2.FONT_HERSHEY_SIMPLEX, 1.5, ink, 3)
+    assert likely_layout(page) is None
