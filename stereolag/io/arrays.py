@@ -51,12 +51,15 @@ def parse_npy(data: bytes, what: str, kinds: str = "biuf") -> npt.NDArray[Any]:
     except Exception as error:  # the header is a Python literal, and can be broken in all kinds of ways
         raise ValueError(f"The {what} begins like an .npy file, but its header cannot be read.") from error
     if dtype.kind not in kinds or dtype.itemsize > 8:
-        content = "records of several fields" if dtype.names else dtype.name
-        raise ValueError(f"The {what} (.npy) holds {content}; allowed are integers and floats.")
+        raise ValueError(
+            f"The {what} (.npy) holds {'records of several fields' if dtype.names else dtype.name}; allowed are "
+            "integers and floats."
+        )
     offset, count = stream.tell(), math.prod(shape)
     if count * dtype.itemsize > len(data) - offset:
-        announced = f"{min(count, 10**30):.15g} numbers of {dtype.name}"
-        raise ValueError(f"The {what} (.npy) is cut short: its header announces {announced}.")
+        raise ValueError(
+            f"The {what} (.npy) is cut short: its header announces {min(count, 10**30):.15g} numbers of {dtype.name}."
+        )
     array = np.frombuffer(data, dtype, count, offset) if count else np.zeros(0, dtype)
     return array.reshape(shape, order="F" if is_fortran else "C")
 
@@ -99,16 +102,15 @@ def mat_arrays(data: bytes, what: str, check: Callable[[tuple[int, ...]], None])
         A damaged file, or one without matrices of numbers.
     """
     stream: Any = io.BytesIO(data)
-    with _reported_as_damage(what):
+    with reported_as_damage(what):
         contents = scipy.io.whosmat(stream)
-    names = [name for name, shape, kind in contents if kind in _MAT_KINDS and len(shape) == 2]
-    for name, shape, _ in contents:
-        if name in names:
-            check(shape)
+    shapes = {name: shape for name, shape, kind in contents if kind in _MAT_KINDS and len(shape) == 2}
+    for shape in shapes.values():
+        check(shape)
     stream.seek(0)
-    with _reported_as_damage(what):
-        loaded = scipy.io.loadmat(stream, variable_names=names) if names else {}
-        arrays = {name: np.asarray(loaded[name]) for name in names}
+    with reported_as_damage(what):
+        loaded = scipy.io.loadmat(stream, variable_names=[*shapes]) if shapes else {}
+        arrays = {name: np.asarray(loaded[name]) for name in shapes}
     if not arrays:
         others = ", ".join(f"{quote(name)} ({kind})" for name, _, kind in contents[:9])
         raise ValueError(f"The {what} is a MAT file without arrays of numbers; it holds {others or 'nothing'}.")
@@ -116,9 +118,11 @@ def mat_arrays(data: bytes, what: str, check: Callable[[tuple[int, ...]], None])
 
 
 @contextmanager
-def _reported_as_damage(what: str) -> Iterator[None]:
+def reported_as_damage(what: str) -> Iterator[None]:
     """Report any error as a damaged MAT file: scipy raises all kinds of errors on broken files."""
     try:
         yield
+    except MemoryError:
+        raise
     except Exception as error:
         raise ValueError(f"The {what} is a MAT file that is damaged or cut short; save it again.") from error

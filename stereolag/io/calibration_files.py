@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from defusedxml import DefusedXmlException, ElementTree
 
-from stereolag.io.arrays import parse_npy
+from stereolag.io.arrays import parse_npy, reported_as_damage
 from stereolag.io.sources import ZIP_MAGIC, quote, read_archive
 
 MAX_TEXT_BYTES = 2**20
@@ -122,8 +122,7 @@ class Entries(dict[str, Entry]):
 
     def find(self, names: str) -> Entry | None:
         """Return the entry with the first of some names, separated by ``|``, in any case; None if there is none."""
-        matches = (self.match(re.escape(name)) for name in names.split("|"))
-        return next((entry for entry in matches if entry is not None), None)
+        return next(filter(None, map(self.match, map(re.escape, names.split("|")))), None)
 
     def match(self, pattern: str) -> Entry | None:
         """Return the first entry whose whole name matches a pattern, in any case; None if there is none."""
@@ -142,8 +141,9 @@ class Entries(dict[str, Entry]):
         """Return an entry; ValueError if it is missing."""
         found = self.find(names)
         if found is None:
-            first = names.split("|")[0]
-            raise ValueError(f"The calibration has no {first}; it is needed here. It has {names_found(self)}.")
+            raise ValueError(
+                f"The calibration has no {names.split('|')[0]}; it is needed here. It has {names_found(self)}."
+            )
         return found
 
     def select(self, names: Mapping[str, str]) -> dict[str, Entry]:
@@ -222,13 +222,9 @@ def _mat_variables(data: bytes) -> Any:
 
     if data.startswith(MAT_MAGIC[1]):
         raise ValueError("The calibration is a MAT file of version 7.3, which is not read; save it with -v7.")
-    try:
-        stream: Any = io.BytesIO(data)
+    stream: Any = io.BytesIO(data)
+    with reported_as_damage("calibration"):
         variables = scipy.io.loadmat(stream, simplify_cells=True)
-    except (ValueError, MemoryError):
-        raise
-    except Exception as error:  # scipy raises all kinds of errors on broken files
-        raise ValueError("The calibration is a MAT file that is damaged or cut short; save it again.") from error
     if any(isinstance(value, scipy.io.matlab.MatlabOpaque) for value in variables.values()):
         raise ValueError(
             "The calibration is a MAT file with an object of MATLAB; save the struct that toStruct makes of it."

@@ -78,10 +78,9 @@ def named(**names: str) -> Reader:
     """Return a reader of parts that have these names; alternatives for one part are separated by ``|``."""
 
     def read(entries: Entries) -> list[Parts]:
-        if not entries.keys() & {name for name in names.get("product", "").split("|")}:
-            for part in ("focal", "M1", "baseline"):
-                if part in names:
-                    entries.required(names[part])
+        for part in ("focal", "M1", "baseline"):
+            if part in names:
+                entries.required(names[part])
         return [entries.select(names | SIZE_NAMES | {"num_disparities": NUM_DISPARITIES_NAMES})]
 
     return read
@@ -118,11 +117,13 @@ def _zed(entries: Entries) -> list[Parts]:
         rotation = np.asarray(cv2.Rodrigues(vector)[0], dtype=np.float64)
         ty_tz = [entries.number(f"STEREO.{axis}_{mode}|STEREO.{axis}") or 0.0 for axis in ("TY", "TZ")]
         position = np.array([entries.required("STEREO.Baseline").numbers(1)[0], *ty_tz])
-        parts = camera_parts(entries, "1", left, "LEFT_DISTO" if is_shared else left, lens_keys=keys)
-        parts |= camera_parts(entries, "2", right, "RIGHT_DISTO" if is_shared else right, lens_keys=keys)
-        parts |= {"lens": Entry("LEFT_DISTO", FISHEYE)} if is_fisheye else {}
-        pose = pose_parts("STEREO", rotation, -rotation @ position)
-        modes.append(parts | pose | {"size0": numeric_entry(mode, size)})
+        modes.append(
+            camera_parts(entries, "1", left, "LEFT_DISTO" if is_shared else left, lens_keys=keys)
+            | camera_parts(entries, "2", right, "RIGHT_DISTO" if is_shared else right, lens_keys=keys)
+            | ({"lens": Entry("LEFT_DISTO", FISHEYE)} if is_fisheye else {})
+            | pose_parts("STEREO", rotation, -rotation @ position)
+            | {"size0": numeric_entry(mode, size)}
+        )
     return modes
 
 
@@ -171,8 +172,7 @@ def _depthai(entries: Entries) -> list[Parts]:
         }
         if camera_type:
             parts["lens"] = Entry(f"{path}.cameraType", FISHEYE)
-    left, right = (inverse(to_last(socket)) for socket in chosen)
-    return [parts | relative_pose("extrinsics", left, right)]
+    return [parts | relative_pose("extrinsics", *(inverse(to_last(socket)) for socket in chosen))]
 
 
 def _realsense(entries: Entries) -> list[Parts]:
@@ -214,8 +214,10 @@ def _matlab(entries: Entries) -> list[Parts]:
         matrix = newer.matrix(3, 3) if newer else entries.required(f"{path}.IntrinsicMatrix").matrix(3, 3).T
         radial = entries.required(f"{path}.RadialDistortion").numbers()
         tangential = entries.required(f"{path}.TangentialDistortion").numbers(2)
-        parts[f"M{side}"] = numeric_entry(f"{path}.K", matrix - [[0, 0, 1], [0, 0, 1], [0, 0, 0]])
-        parts[f"D{side}"] = numeric_entry(f"{path}.RadialDistortion", [*radial[:2], *tangential, *radial[2:]])
+        parts |= {
+            f"M{side}": numeric_entry(f"{path}.K", matrix - [[0, 0, 1], [0, 0, 1], [0, 0, 0]]),
+            f"D{side}": numeric_entry(f"{path}.RadialDistortion", [*radial[:2], *tangential, *radial[2:]]),
+        }
         if size := entries.find(f"{path}.ImageSize"):
             parts[f"size{side}"] = numeric_entry(size.name, size.numbers(2)[::-1])
     parts |= entries.select({"unit": f"{prefix}CameraParameters1.WorldUnits|{prefix}WorldUnits"})
@@ -231,10 +233,13 @@ def _matlab(entries: Entries) -> list[Parts]:
 
 def _matlab_for_opencv(entries: Entries) -> list[Parts]:
     """Read the results of ``stereoParametersToOpenCV``, saved under their own names; the size is (rows, cols)."""
-    parts = {"R": entries.required("rotationOfCamera2"), "T": entries.required("translationOfCamera2")}
-    for side in "12":
-        parts[f"M{side}"] = entries.required(f"intrinsicMatrix{side}")
-        parts[f"D{side}"] = entries.required(f"distortionCoefficients{side}")
+    names = {
+        "R": "rotationOfCamera2",
+        "T": "translationOfCamera2",
+        **{f"M{side}": f"intrinsicMatrix{side}" for side in "12"},
+        **{f"D{side}": f"distortionCoefficients{side}" for side in "12"},
+    }
+    parts = {part: entries.required(name) for part, name in names.items()}
     if size := entries.find("imageSize"):
         parts["size0"] = numeric_entry(size.name, size.numbers(2)[::-1])
     return [parts]
@@ -246,8 +251,10 @@ def _bouguet(entries: Entries) -> list[Parts]:
     for side, name in (("1", "left"), ("2", "right")):
         (fx, fy), (cx, cy) = (entries.required(f"{part}_{name}").numbers(2) for part in ("fc", "cc"))
         skew = fx * (entries.number(f"alpha_c_{name}") or 0.0)
-        parts[f"M{side}"] = numeric_entry(f"fc_{name}", [[fx, skew, cx], [0, fy, cy], [0, 0, 1]])
-        parts[f"D{side}"] = entries.required(f"kc_{name}")
+        parts |= {
+            f"M{side}": numeric_entry(f"fc_{name}", [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]),
+            f"D{side}": entries.required(f"kc_{name}"),
+        }
     return [parts | entries.select({"width0": "nx", "height0": "ny"})]
 
 
@@ -270,8 +277,10 @@ def kitti(left: int, right: int) -> Reader:
     def read(entries: Entries) -> list[Parts]:
         rectified, raw = {}, {}
         for side, number in (("1", left), ("2", right)):
-            names = ("P_rect", "P", "S_rect", "K", "D", "R_rect", "S")
-            of = {name: entries.match(rf"{name}_?0*{number}") for name in names}
+            of = {
+                name: entries.match(rf"{name}_?0*{number}")
+                for name in ("P_rect", "P", "S_rect", "K", "D", "R_rect", "S")
+            }
             projection = of["P_rect"] or of["P"]
             if projection is not None:
                 rectified[f"P{side}"] = projection
@@ -299,8 +308,7 @@ def _rows(entries: Entries) -> list[Parts]:
             }
         ]
     if values.size >= 24 and entries["row0"].numbers().size in (4, 12):
-        projections = values[:24].reshape(2, 3, 4)
-        return [{f"P{side}": numeric_entry(f"row{side}", one) for side, one in enumerate(projections, 1)}]
+        return [{f"P{side}": numeric_entry(f"row{side}", values[12 * side - 12 : 12 * side]) for side in (1, 2)}]
     raise ValueError(
         f"The calibration is {values.size} numbers without names; accepted are a camera matrix and the baseline (9 and "
         "1), or two projections (12 each)."
@@ -317,8 +325,9 @@ def _orb_slam(entries: Entries) -> list[Parts]:
     right_to_left = entries.find("Stereo.T_c1_c2|Tlr")
     if entries.find("Camera2.fx") and right_to_left is not None:
         keys = COEFFICIENT_KEYS[lens_of(entries) == FISHEYE]
-        parts = camera_parts(entries, "1", first, first, lens_keys=keys)
-        parts |= camera_parts(entries, "2", "Camera2", "Camera2", lens_keys=keys)
+        parts = camera_parts(entries, "1", first, first, lens_keys=keys) | camera_parts(
+            entries, "2", "Camera2", "Camera2", lens_keys=keys
+        )
         elements = right_to_left.numbers()
         transform = elements.reshape(-1, 4) if elements.size in (12, 16) else right_to_left.matrix(4, 4)
         return [parts | size | relative_pose(right_to_left.name, np.eye(4), inverse(transform))]
@@ -336,22 +345,21 @@ def _orb_slam(entries: Entries) -> list[Parts]:
 def _vins(entries: Entries) -> list[Parts]:
     """Read the two cameras of VINS-Fusion, each in its own file, and the file with their poses."""
     cameras = [file for file in entries.files if file.match(r"projection_parameters\.(fx|mu)")]
-    is_fisheye = lens_of(entries) == FISHEYE
     if len(cameras) != 2:
         raise ValueError(
             f"The calibration (VINS) is of {len(cameras)} camera{'s' * (len(cameras) != 1)}; give the files of both "
             "together with the one that has body_T_cam0 and body_T_cam1."
         )
+    lens, matrix_keys, lens_keys = (
+        ("projection_parameters", ("mu", "mv", "u0", "v0"), ("k2", "k3", "k4", "k5"))
+        if lens_of(entries) == FISHEYE
+        else ("distortion_parameters", ("fx", "fy", "cx", "cy"), COEFFICIENT_KEYS[False])
+    )
     parts: Parts = {}
     for side, camera in zip("12", cameras, strict=True):
-        if is_fisheye:
-            matrix_keys, lens_keys = ("mu", "mv", "u0", "v0"), ("k2", "k3", "k4", "k5")
-            parts |= camera_parts(
-                camera, side, "projection_parameters", "projection_parameters", matrix_keys, lens_keys
-            )
-        else:
-            parts |= camera_parts(camera, side, "projection_parameters", "distortion_parameters")
-        parts |= {f"{part[:-1]}{side}": camera.required(name) for part, name in SIZE_NAMES.items()}
+        parts |= camera_parts(camera, side, "projection_parameters", lens, matrix_keys, lens_keys) | {
+            f"{part[:-1]}{side}": camera.required(name) for part, name in SIZE_NAMES.items()
+        }
     pose = pose_from_common_frame(entries)
     if pose is None:
         raise ValueError("The calibration (VINS) lacks body_T_cam0 and body_T_cam1; give the file that has them too.")
@@ -365,8 +373,7 @@ def _okvis(entries: Entries) -> list[Parts]:
         (fx, fy), (cx, cy) = (
             entries.required(f"{path}.{name}").numbers(2) for name in ("focal_length", "principal_point")
         )
-        parts[f"M{side}"] = numeric_entry(f"{path}.focal_length", [fx, fy, cx, cy])
-        parts |= entries.select(
+        parts |= {f"M{side}": numeric_entry(f"{path}.focal_length", [fx, fy, cx, cy])} | entries.select(
             {f"D{side}": f"{path}.distortion_coefficients", f"size{side}": f"{path}.image_dimension"}
         )
     poses = [entries.required(f"cameras.{number}.T_SC|cameras.{number}.T_BS").matrix(4, 4) for number in (0, 1)]
@@ -397,8 +404,9 @@ def _mrpt(entries: Entries) -> list[Parts]:
     parts: Parts = {}
     for side, name in (("1", "LEFT"), ("2", "RIGHT")):
         path = f"CAMERA_PARAMS_{name}"
-        parts |= camera_parts(entries, side, path, "no lens")
-        parts |= entries.select({f"D{side}": f"{path}.dist", f"size{side}": f"{path}.resolution"})
+        parts |= camera_parts(entries, side, path, "no lens") | entries.select(
+            {f"D{side}": f"{path}.dist", f"size{side}": f"{path}.resolution"}
+        )
     pose = entries.required("CAMERA_PARAMS_LEFT2RIGHT_POSE.pose_quaternion")
     translation, quaternion = np.split(pose.numbers(7), [3])
     return [parts | relative_pose(pose.name, np.eye(4), inverse(rigid_transform(quaternion, translation)))]

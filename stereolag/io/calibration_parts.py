@@ -284,16 +284,15 @@ def _is_right_first(files: Sequence[Entries], parts: Sequence[Parts]) -> bool:
 
     That is known from their poses (EuRoC), from their projections (ROS), or from the first camera's name.
     """
-    camera_name = files[0].find("camera_name") if len(files) == 2 else None
-    right_first = camera_name is not None and "right" in camera_name.text().lower()
-    shifts = [one["P0"].projection()[0, 3] for one in parts] if all("P0" in one for one in parts) else []
-    if len(shifts) == 1 or len(set(shifts)) == 2:
-        right_first = bool(shifts[0] < (0, *shifts[1:])[-1])
     bodies = [body.matrix(4, 4) for file in files if (body := file.find("T_BS"))]
     if len(bodies) == 2:
         across, down, _ = relative_pose("", *map(inverse, bodies))["T"].numbers()
-        right_first = bool(across > abs(down))
-    return right_first
+        return bool(across > abs(down))
+    shifts = [one["P0"].projection()[0, 3] for one in parts] if all("P0" in one for one in parts) else []
+    if len(shifts) == 1 or len(set(shifts)) == 2:
+        return bool(shifts[0] < (0, *shifts[1:])[-1])
+    camera_name = files[0].find("camera_name") if len(files) == 2 else None
+    return camera_name is not None and "right" in camera_name.text().lower()
 
 
 def _single_numbers(entries: Entries) -> Parts:

@@ -87,15 +87,15 @@ def read_calibration(*sources: Source, length_unit_m: float | None = None) -> Ca
             modes.append(_calibration(layout, entries, parts, lens, unused, length_unit_m))
         except ValueError as error:
             problem = problem or error
-    if problem is not None and not modes:
-        raise problem
     if not modes:
-        raise ValueError(f"The calibration ({layout.name}) has no size of pictures that is known here.")
+        raise problem or ValueError(f"The calibration ({layout.name}) has no size of pictures that is known here.")
     if len(modes) == 1:
         return modes[0]
-    default = max(modes, key=lambda mode: ((mode.width, mode.height) == DEFAULT_MODE_SIZE, mode.width or 0))
-    if layout.name == "KITTI":  # the rectified pair comes first
-        default = modes[0]
+    default = (
+        modes[0]  # the rectified pair comes first
+        if layout.name == "KITTI"
+        else max(modes, key=lambda mode: ((mode.width, mode.height) == DEFAULT_MODE_SIZE, mode.width or 0))
+    )
     return replace(default, modes=tuple(modes))
 
 
@@ -125,8 +125,16 @@ def _calibration(
     else:
         lens = lens or parts.get("lens", Entry("", "")).text()
         calibration = _from_cameras(entries, parts, lens, unit, unused, notes)
+    width, height = _image_size(parts)
     count = parts["num_disparities"].counts(1)[0] if "num_disparities" in parts else None
-    return replace(calibration, num_disparities=count, notes=tuple(notes), unit_stated=stated is not None)
+    return replace(
+        calibration,
+        width=width,
+        height=height,
+        num_disparities=count,
+        notes=tuple(notes),
+        unit_stated=stated is not None,
+    )
 
 
 def _stated_unit(layout: Layout, parts: Parts) -> float | None:
@@ -161,10 +169,7 @@ def _from_focal_and_baseline(parts: Parts, unit_m: float) -> Calibration:
         baseline = product / focal
     if doffs is None:
         doffs = 0.0 if cx is None or cx2 is None else cx2 - cx
-    width, height = _image_size(parts)
-    return Calibration(
-        focal, (baseline or 0.0) * unit_m, doffs, cx, cy, width=width, height=height, turn=round(turn or 0)
-    )
+    return Calibration(focal, (baseline or 0.0) * unit_m, doffs, cx, cy, turn=round(turn or 0))
 
 
 def _from_projections(parts: Parts, unit_m: float) -> Calibration:
@@ -185,9 +190,7 @@ def _from_projections(parts: Parts, unit_m: float) -> Calibration:
         )
     doffs = float(right[0, 2] - left[0, 2]) if not turn else float(right[1, 2] - left[1, 2]) * turn
     baseline = (abs(down) if turn else across) / focal * unit_m
-    width, height = _image_size(parts)
-    centre = float(left[0, 2]), float(left[1, 2])
-    return Calibration(focal, baseline, doffs, *centre, width=width, height=height, turn=turn)
+    return Calibration(focal, baseline, doffs, float(left[0, 2]), float(left[1, 2]), turn=turn)
 
 
 def _from_cameras(
@@ -195,7 +198,6 @@ def _from_cameras(
 ) -> Calibration:
     """Return the calibration from the cameras' matrices, before or after rectification."""
     rectification = _rectification(parts, unit_m)
-    is_rectified = "Q" in parts or {"P1", "P2"} <= set(parts)
     if {"M1", "M2"} & set(parts):
         missing = [
             part for part in _REQUIRED_PARTS if part not in parts and (rectification is None or part in ("M1", "M2"))
@@ -203,7 +205,7 @@ def _from_cameras(
         if not missing:
             _check_lenses(parts, lens, unused, notes)
             return _calibration_of_rig(_stereo_rig(parts, lens, unit_m, rectification))
-        if not is_rectified:
+        if "Q" not in parts and not {"P1", "P2"} <= set(parts):
             raise ValueError(
                 f"The calibration has {names_found(entry.name for entry in parts.values())}, but lacks "
                 f"{', '.join(f'{_REQUIRED_PARTS[part]} ({part})' for part in missing)}; give the file that holds it, "
@@ -212,11 +214,8 @@ def _from_cameras(
     if {"P1", "P2"} <= set(parts):
         return _from_projections(parts, unit_m)
     if "Q" in parts:
-        width, height = _image_size(parts)
         focal, inverse_baseline, doffs, cx, cy = _from_q(parts["Q"])
-        return Calibration(
-            focal, unit_m / inverse_baseline, doffs / inverse_baseline, cx, cy, width=width, height=height
-        )
+        return Calibration(focal, unit_m / inverse_baseline, doffs / inverse_baseline, cx, cy)
     names = dict.fromkeys([*(entry.name for entry in parts.values()), *entries])
     accepted = "both cameras (M1, D1, M2, D2, R, T), or of the rectified pair (Q, or P1 and P2)"
     if not parts:
@@ -258,7 +257,7 @@ def _calibration_of_rig(rig: StereoRig) -> Calibration:
         rectified = rectified_calibration(rig, (width, height))
     except ZeroDivisionError as error:
         raise ValueError("The calibration is of cameras that cannot be rectified: no focal length is left.") from error
-    return replace(rectified, width=rig.width, height=rig.height, rig=rig)
+    return replace(rectified, rig=rig)
 
 
 def _image_size(parts: Parts) -> tuple[int | None, int | None]:
@@ -307,8 +306,15 @@ def _stereo_rig(parts: Parts, lens: str, length_unit_m: float, rectification: Re
             rotation = np.asarray(cv2.Rodrigues(rotation)[0], dtype=np.float64)
     empty = Entry("", np.zeros(0))
     cameras = [(_camera_matrix(parts[f"M{side}"]), parts.get(f"D{side}", empty).numbers()) for side in "12"]
-    size = _image_size(parts)
-    return StereoRig(*cameras[0], *cameras[1], rotation, translation, *size, rectification, fisheye=lens == FISHEYE)
+    return StereoRig(
+        *cameras[0],
+        *cameras[1],
+        rotation,
+        translation,
+        *_image_size(parts),
+        rectification,
+        fisheye=lens == FISHEYE,
+    )
 
 
 def _camera_matrix(entry: Entry) -> Matrix:
@@ -387,10 +393,9 @@ def calibration_json(calibration: Calibration) -> str:
     It has the matrices of both cameras under OpenCV's names, or for a rectified pair ``focal_px``, ``baseline_m`` and
     so on.
     """
-    document: dict[str, object]
     if calibration.rig is None:
         names = ("focal_px", "baseline_m", "doffs_px", "cx", "cy", "width", "height", "num_disparities", "turn")
-        document = {
+        document: dict[str, object] = {
             name: getattr(calibration, name)
             for name in names
             if getattr(calibration, name) is not None and (name != "turn" or calibration.turn)
@@ -456,9 +461,7 @@ def _camera_info(name: str, size: tuple[int, int], number: int, matrices: dict[s
     used = int(np.flatnonzero(distortion).max(initial=-1)) + 1
     if used > 8:
         raise ValueError(f"The {name} camera has {used} distortion coefficients; ROS's models have at most 8.")
-    model, count = ("plumb_bob", 5) if used <= 5 else ("rational_polynomial", 8)
-    if fisheye:
-        model, count = "equidistant", 4
+    model, count = ("equidistant", 4) if fisheye else ("plumb_bob", 5) if used <= 5 else ("rational_polynomial", 8)
     lines = [
         f"image_width: {size[0]}",
         f"image_height: {size[1]}",

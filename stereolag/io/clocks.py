@@ -106,8 +106,7 @@ class Recording:
 
     def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
         """Return (samples,) for a single channel, or (channels, samples) for several."""
-        samples = self.channels[0] if len(self.channels) == 1 else self.channels
-        return np.array(samples, dtype=dtype, copy=copy)
+        return np.array(self.channels[0] if len(self.channels) == 1 else self.channels, dtype=dtype, copy=copy)
 
     @property
     def highest_channel(self) -> int:
@@ -168,8 +167,12 @@ class Recording:
         check_size(len(self.channels), -(-self.channels.shape[1] * up // down))
         # The recording is continued by a line beyond its ends, so that an offset does not step to zero there.
         channels = scipy.signal.resample_poly(self.channels, up, down, axis=1, padtype="line")
-        rate_of_file = self.resampled_from or self.sampling_rate
-        return replace(self, channels=channels, sampling_rate=sampling_rate, resampled_from=rate_of_file)
+        return replace(
+            self,
+            channels=channels,
+            sampling_rate=sampling_rate,
+            resampled_from=self.resampled_from or self.sampling_rate,
+        )
 
     def channel(self, number: int) -> Recording:
         """Return the channel with this number in the file as a recording.
@@ -208,9 +211,7 @@ def at_one_rate(first: Recording, second: Recording) -> tuple[Recording, Recordi
 
 def start_difference_s(first: Recording, second: Recording) -> float | None:
     """Return how much later the second recording begins by dates or times of day, s; None if the files give none."""
-    if first.epoch != second.epoch or first.epoch == "start":
-        return None
-    return second.start_s - first.start_s
+    return second.start_s - first.start_s if first.epoch == second.epoch != "start" else None
 
 
 def duplicate_warning(first: Recording, second: Recording) -> str:
@@ -270,8 +271,8 @@ def float_type(samples: int) -> Literal["float32", "float64"]:
 
 # Samples with a time each, as a file gives them.
 
-MIN_TIMES = 10
-"""Length of a column below which it is not recognised as times by its values alone."""
+MIN_ROWS = 10
+"""Rows of a table below which its values alone are not enough to recognise a clock, a footer or sensors in turn."""
 
 MAX_UNEVENNESS = 1e-3
 """Largest deviation from a straight line, as a share of its length, of a column recognised as times by its values."""
@@ -297,7 +298,7 @@ MAX_FILL_RATIO = 20
 
 def rises_evenly(times: Vector) -> bool:
     """Return whether times never fall and follow a straight line, apart from gaps and the rounding of their numbers."""
-    if times.size < MIN_TIMES or (np.diff(times[:1000]) < 0).any() or not np.isfinite(times).all():
+    if times.size < MIN_ROWS or (np.diff(times[:1000]) < 0).any() or not np.isfinite(times).all():
         return False
     steps = np.diff(times)
     if (steps < 0).any() or times[-1] <= times[0]:

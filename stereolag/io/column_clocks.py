@@ -15,6 +15,7 @@ from stereolag.core.arrays import Vector
 from stereolag.io.clocks import (
     MAX_FILL_RATIO,
     MIN_GAP_RATIO,
+    MIN_ROWS,
     Channels,
     Gap,
     Recording,
@@ -27,8 +28,6 @@ from stereolag.io.formats import WHAT
 from stereolag.io.sources import quote
 from stereolag.io.stamps import DAY_S, Times, read_stamps, rounding_step
 
-MIN_ROWS = 10
-"""Rows of a table below which its values alone are not enough to recognise a clock, a footer or sensors in turn."""
 MIN_CONFORMING_SHARE = 0.9
 """Share of rows that must follow a pattern for a whole column to be taken to follow it."""
 MAX_MISSING_SHARE = 0.5
@@ -124,9 +123,8 @@ def _time_column(table: Channels, names: Sequence[str]) -> int | None:
 def _rises_steadily(values: Vector) -> bool:
     """Return whether values always rise, mostly by similar steps, as uneven times without a heading do."""
     steps = np.diff(values)
-    if values.size < MIN_ROWS or np.isnan(values).any() or (steps <= 0).any():
-        return False
-    return float((np.abs(steps / np.median(steps) - 1) < 0.5).mean()) >= MIN_CONFORMING_SHARE
+    always_rise = values.size >= MIN_ROWS and not np.isnan(values).any() and (steps > 0).all()
+    return bool(always_rise and (np.abs(steps / np.median(steps) - 1) < 0.5).mean() >= MIN_CONFORMING_SHARE)
 
 
 def times_from_numbers(values: Vector, name: str) -> tuple[Times, bool]:
@@ -154,8 +152,7 @@ def times_from_numbers(values: Vector, name: str) -> tuple[Times, bool]:
         unit = next((size for size in (1.0, 1e-3, 1e-6, 1e-9) if low <= first * size < high), None)
         for zero, low, high in _SERIAL_DAY_RANGES if is_time_heading(name) and rounding <= _MAX_SERIAL_ROUNDING else ():
             if low <= first < high:
-                seconds = (values - first) * DAY_S
-                return Times(seconds, (first - zero) * DAY_S, "1970", rounding * DAY_S), True
+                return Times((values - first) * DAY_S, (first - zero) * DAY_S, "1970", rounding * DAY_S), True
     is_count = (
         unit is None and not is_time_heading(name) and (rounding >= 1 or bool(_COUNT_WORDS.search(_normalised(name))))
     )
@@ -185,8 +182,7 @@ def _clock_from_digits(table: Channels, names: Sequence[str]) -> tuple[Times, li
         is_clock = time_unit(names[time]) is None and 2400 <= table[time].max() < 1e6  # not 2359 without seconds
         rises = is_clock and (_are_clock_digits(table[time]) or np.ptp(table[time] // 10_000) > 0)
         if is_dated and rises and _are_clock_digits(1e6 * days + table[time]):
-            texts = [f"{day:.0f}T{clock:013.6f}" for day, clock in zip(days, table[time], strict=True)]
-            times = read_stamps(texts)
+            times = read_stamps([f"{day:.0f}T{clock:013.6f}" for day, clock in zip(days, table[time], strict=True)])
             if np.isfinite(times.seconds).all():
                 return replace(times, rounding=rounding_step(table[time])), [date_, time]
     return None
@@ -219,10 +215,9 @@ def _clock_from_parts(table: Channels, names: Sequence[str]) -> tuple[Times, lis
     if None in (found[0], found[2], found[3]) or not np.isfinite(table[used]).all():
         return None
     limits = (2100, 12, 31 if found[1] is not None else 366, 24, 59, 60.999)
-    defaults = (1970, 1, 1, 0, 0, 0)
     parts = [
         (np.full(table.shape[1], default) if column is None else table[column], limit)
-        for column, limit, default in zip(found, limits, defaults, strict=True)
+        for column, limit, default in zip(found, limits, (1970, 1, 1, 0, 0, 0), strict=True)
     ]
     # Only seconds may have a fraction.
     if any((part < 0).any() or part.max() > limit or (part % 1).any() for part, limit in parts[:5]):
@@ -293,11 +288,9 @@ def recording_from_table(
             for column, name in enumerate(names)
             if len(table) > 1 and _is_time_or_count(table[column], name, column)
         }
-        found = None if clock else _find_clock(table, names)
-    is_seconds = True
-    if found:
-        clock, used, is_seconds = found
-        clocks.update(used)
+        clock, used, is_seconds = (clock, [], True) if clock else _find_clock(table, names)
+    clocks.update(used)
+    if used:
         used_names = " and ".join(column_name(numbers[column], names[column]) for column in used)
         notes.append(f"{'times' if is_seconds else 'counts'} in {used_names}")
     signals = [column for column in range(len(table)) if column not in clocks] or [len(table) - 1]
@@ -326,8 +319,8 @@ def recording_from_table(
     )
 
 
-def _find_clock(table: Channels, names: Sequence[str]) -> tuple[Times, list[int], bool] | None:
-    """Return the times in columns of numbers, these columns, and whether the times are seconds; None if there are none.
+def _find_clock(table: Channels, names: Sequence[str]) -> tuple[Times | None, list[int], bool]:
+    """Return the times in columns of numbers, if there are any, these columns, and whether the times are seconds.
 
     Times that are not seconds are counts of an unknown unit.
     """
@@ -336,7 +329,7 @@ def _find_clock(table: Channels, names: Sequence[str]) -> tuple[Times, list[int]
         return *found, True
     column = _time_column(table, names)
     if column is None:
-        return None
+        return None, [], True
     clock, is_seconds = times_from_numbers(table[column], names[column])
     return clock, [column], is_seconds
 
@@ -356,9 +349,8 @@ def _is_time_or_count(values: Vector, name: str, column: int) -> bool:
     """Return whether a column holds times or counts, by its heading and its steps."""
     is_count = bool(_COUNT_WORDS.search(_normalised(name)))
     unit_steps = float((np.diff(values) == 1).mean()) if values.size > 1 and (is_count or column == 0) else 0.0
-    if is_count and unit_steps > MIN_CONFORMING_SHARE:  # it may begin again after 255
-        return True
-    return (is_time_heading(name) or is_count or unit_steps == 1) and rises_evenly(values)
+    may_begin_again = is_count and unit_steps > MIN_CONFORMING_SHARE  # after 255
+    return may_begin_again or ((is_time_heading(name) or is_count or unit_steps == 1) and rises_evenly(values))
 
 
 def _recording_on_clock(values: Channels, clock: Times, lines: npt.NDArray[np.int64] | None) -> Recording:

@@ -17,10 +17,9 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import Vector
 from stereolag.core.typography import counted
-from stereolag.io.clocks import Recording, chosen_track
+from stereolag.io.clocks import MIN_ROWS, Recording, chosen_track
 from stereolag.io.column_clocks import (
     MIN_CONFORMING_SHARE,
-    MIN_ROWS,
     UNIX_RANGE_S,
     column_name,
     is_time_heading,
@@ -154,8 +153,10 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
         and is_time_heading(layout.names[columns[0]])
         and (np.diff(table[0]) > 0).all()
     ):
-        times = column_name(columns[0] + 1, layout.names[columns[0]])
-        raise ValueError(f"The {WHAT} holds no numbers beside the times in {times}; {words[0]} holds words.")
+        raise ValueError(
+            f"The {WHAT} holds no numbers beside the times in {column_name(columns[0] + 1, layout.names[columns[0]])}; "
+            f"{words[0]} holds words."
+        )
     recording = recording_from_table(
         table[kept],
         [layout.names[columns[index]] for index in kept],
@@ -171,12 +172,11 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
         notes.append("times read as hours and minutes")
     if below:
         notes.append(f"{counted(below, 'line')} below the columns left out")
-    if rate_in_rows:
-        recording = replace(recording, start_s=unix_start_s, epoch="1970")
     return replace(
         recording,
         mended_lines=mended + int(np.isnan(table).any(axis=0).sum()),
-        start_s=recording.start_s or start_s,
+        start_s=unix_start_s or recording.start_s or start_s,
+        epoch="1970" if unix_start_s else recording.epoch,
         tracks=layout.sensors,
         track=number,
         notes=tuple(notes),
@@ -271,11 +271,14 @@ def _layout(text: str, with_comments: str) -> _Layout | None:
     best = min(likely, key=lambda layout: len(layout.columns_of("word")))
     heading = [line.strip().lstrip("#%/ \t") for line in itertools.islice(io.StringIO(with_comments), best.first - 1)]
     heading = [line for line in heading if line and not (len(best.kinds) > 1 and _SECTION_TITLE.fullmatch(line))]
-    heading = heading[-MAX_OTHER_LINES:]
     rows = [row for row in _split_fields([line for _, line in probed], best.separator) if _is_row(row, best)]
     columns = [[row[column].strip() for row in rows if len(row) > column] for column in range(len(best.kinds))]
-    marks = tuple(_thousands_mark_of_column(texts, best.separator) for texts in columns)
-    best = replace(best, heading=tuple(heading), names=_column_names(heading, best), marks=marks)
+    best = replace(
+        best,
+        heading=tuple(heading[-MAX_OTHER_LINES:]),
+        names=_column_names(heading, best),
+        marks=tuple(_thousands_mark_of_column(texts, best.separator) for texts in columns),
+    )
     return _with_sensors(best, columns)
 
 
@@ -306,9 +309,11 @@ def _has_decimal_commas(lines: Sequence[str], layout: _Layout) -> bool:
     Then the digits after the comma have no sign, and some begin with 0, or some integer is -0.
     """
     rows = [row for row in _split_fields(lines, ",") if _is_row(row, layout)]
-    if layout.kinds != ("number", "number") or not all(row[1].isdigit() for row in rows):
-        return False
-    return any(row[0].strip() == "-0" or (row[1][0] == "0" and len(row[1]) > 1) for row in rows)
+    return (
+        layout.kinds == ("number", "number")
+        and all(row[1].isdigit() for row in rows)
+        and any(row[0].strip() == "-0" or (row[1][0] == "0" and len(row[1]) > 1) for row in rows)
+    )
 
 
 def _layout_with(lines: Sequence[tuple[int, str]], separator: str | None) -> _Layout | None:
@@ -319,9 +324,7 @@ def _layout_with(lines: Sequence[tuple[int, str]], separator: str | None) -> _La
     rows = [row if len(row) <= MAX_FIELDS else [] for row in rows]
     kinds = [[_kind(field) for field in row] for row in rows]
     widths = Counter(len(row) for row in kinds if "number" in row)
-    if not widths:
-        return None
-    width = widths.most_common(1)[0][0]
+    width = max(widths, key=lambda width: widths[width], default=0)
     columns = zip(*(row for row in kinds if len(row) == width), strict=True)
     layout = _Layout(separator, tuple(map(_kind_of_column, columns)), 0, 0)
     fitting = [_is_row(row, layout) for row in rows]
@@ -555,8 +558,7 @@ def _columns_of_rows(rows: list[list[str]], lines: npt.NDArray[np.int64], layout
                     f"Line {line} holds {len(row)} field{'s' * (len(row) > 1)} and the lines before it {width}; "
                     "complete or remove it."
                 )
-        rows = [[*row[:width], *("",) * (width - len(row))] for row in rows]
-    return list(zip(*rows, strict=True)) or [()] * width
+    return list(itertools.zip_longest(*rows, fillvalue=""))[:width] or [()] * width
 
 
 def _parse_column(texts: Sequence[str], lines: npt.NDArray[np.int64], column: int, layout: _Layout) -> Vector:
@@ -610,13 +612,10 @@ def _clock_of_stamps(
         if not _MISSING.fullmatch(stamps[column][row]):
             raise _field_error(int(lines[row]), texts[row], column, layout, "times")
     for index, number in enumerate(layout.columns_of("number")):
-        unit = time_unit(layout.names[number])
-        if unit is None or not unit < times.rounding <= 1:
-            continue
+        unit = time_unit(layout.names[number]) or 0.0
         fraction = table[index] * unit
-        if fraction.min() >= 0 and 0 < fraction.max() < 1:
+        if unit < times.rounding <= 1 and fraction.min() >= 0 and 0 < fraction.max() < 1:
             start_s = times.start_s + float(fraction[0])
-            return Times(
-                times.seconds + fraction - fraction[0], start_s, times.epoch, rounding_step(table[index]) * unit
-            ), index
+            seconds = times.seconds + fraction - fraction[0]
+            return Times(seconds, start_s, times.epoch, rounding_step(table[index]) * unit), index
     return times, None

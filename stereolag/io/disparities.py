@@ -351,8 +351,9 @@ def _stored_image(data: bytes) -> npt.NDArray[Any]:
     try:
         return read_image(data)
     except ValueError as error:
-        reason = str(error).partition("; accepted")[0]
-        raise ValueError(f"The {MAP} cannot be read; accepted are {ACCEPTED_MAPS}. {reason}.") from error
+        raise ValueError(
+            f"The {MAP} cannot be read; accepted are {ACCEPTED_MAPS}. {str(error).partition('; accepted')[0]}."
+        ) from error
 
 
 _NAMED_MAP = re.compile("disp|gt|truth", re.IGNORECASE)
@@ -363,10 +364,11 @@ def _stored_array(data: bytes) -> npt.NDArray[Any]:
     if data.startswith(NPY_MAGIC):
         return parse_npy(data, MAP)
 
-    def check(shape: tuple[int, ...]) -> None:
-        check_pixels(shape[-1], shape[0], MAP)
-
-    arrays = npz_arrays(read_archive(data), MAP) if data.startswith(ZIP_MAGIC) else mat_arrays(data, MAP, check)
+    arrays = (
+        npz_arrays(read_archive(data), MAP)
+        if data.startswith(ZIP_MAGIC)
+        else mat_arrays(data, MAP, lambda shape: check_pixels(shape[-1], shape[0], MAP))
+    )
     maps = [name for name, array in arrays.items() if array.squeeze().ndim == 2]
     candidates = maps if len(maps) == 1 else [name for name in maps if _NAMED_MAP.search(name)]
     if len(candidates) != 1:

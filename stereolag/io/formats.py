@@ -38,8 +38,7 @@ class SoundFormat:
     @property
     def a_file(self) -> str:
         """The format in a sentence: "an MP3 file"."""
-        article = "an" if self.name in _AFTER_AN else "a"
-        return f"{article} {self.name} file"
+        return f"{'an' if self.name in _AFTER_AN else 'a'} {self.name} file"
 
 
 _AFTER_AN = {"AAC", "AIFF", "AMR", "AU", "AVI", "FLV", "MP3", "MP4", "MPEG", "MPEG-TS", "OGG"}
@@ -135,12 +134,11 @@ def check_text(head: bytes) -> None:
     for mark, name, remedy in FOREIGN_FORMATS:
         if mark.match(head):
             raise ValueError(f"The {WHAT} is {name}, which is not read: {remedy}.")
-    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return
     nuls = head.count(0)
     controls = len(head) - len(head.translate(None, _CONTROL_BYTES))
     is_utf_16 = nuls and 0 in (head[::2].count(0), head[1::2].count(0))
-    if controls > max(1, _MAX_CONTROL_SHARE * len(head)) or (nuls > 0.1 * len(head) and not is_utf_16):
+    is_binary = controls > max(1, _MAX_CONTROL_SHARE * len(head)) or (nuls > 0.1 * len(head) and not is_utf_16)
+    if is_binary and not head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raise ValueError(
             f"The {WHAT} is neither a known file nor a text: it begins with the bytes {head[:6].hex(' ')}; accepted "
             f"are {ACCEPTED}."

@@ -123,8 +123,11 @@ def truth_fit(
     searched = np.count_nonzero(decisive & (values / best > 0))
     if searched < MIN_DECISIVE_PIXELS or agreeing >= MIN_FITTING_SHARE * searched:
         return TruthFit(best)
-    share = f"The ground truth agrees with a quick map at {100 * agreeing / searched:.0f} % of the pixels"
-    return TruthFit(best, f"{share}: does it belong to this left image, and is its divisor right?")
+    return TruthFit(
+        best,
+        f"The ground truth agrees with a quick map at {100 * agreeing / searched:.0f} % of the pixels: does it belong "
+        "to this left image, and is its divisor right?",
+    )
 
 
 def stored_truth_fit(stored: StoredDisparity, left: Image, right: Image) -> TruthFit:
@@ -150,8 +153,7 @@ def divisor_in_words(stored: StoredDisparity, divisor: float) -> str:
     if divisor == stored.divisor:
         return ""
     size = f"{max(ratio, 1 / ratio):.3g} times too {'large' if ratio > 1 else 'small'}" if ratio != 1 else ""
-    sign = "opposite in sign" if divisor < 0 else ""
-    looks = " and ".join(filter(None, (size, sign)))
+    looks = " and ".join(filter(None, (size, "opposite in sign" if divisor < 0 else "")))
     return (
         f"The ground truth looks {looks} compared with a quick map: it is read as ÷ {divisor:g}, not "
         f"÷ {stored.divisor:g}."

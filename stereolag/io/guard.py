@@ -129,6 +129,9 @@ class _Worker:
             env=environment | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "OPENBLAS_NUM_THREADS": "1"},
             start_new_session=True,  # Ctrl+C is for the server alone
         )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._jobs, self._answers = self._process.stdin, self._process.stdout
         _pool.workers.add(self)
 
     @property
@@ -139,17 +142,19 @@ class _Worker:
     def run(self, job: partial[T]) -> T:
         """Return the result of a job; ValueError if the job raises one or the worker ends."""
         sizes = limits()
-        relative_sizes = sizes.max_megapixels / REFERENCE_MEGAPIXELS, sizes.max_megasamples / REFERENCE_MEGASAMPLES
-        seconds = MAX_CPU_S * max(1, *relative_sizes)
+        seconds = MAX_CPU_S * max(
+            1, sizes.max_megapixels / REFERENCE_MEGAPIXELS, sizes.max_megasamples / REFERENCE_MEGASAMPLES
+        )
         memory = min(BASE_MEMORY_BYTES + BYTES_PER_VALUE * (sizes.max_pixels + sizes.max_samples), machine_memory())
         is_late = threading.Event()
         timer = threading.Timer(WALL_CLOCK_FACTOR * seconds, self._kill_late, (is_late,))
         timer.daemon = True
         timer.start()
         try:
-            outcome: tuple[T, Exception | None] = self._exchange(
-                (sizes.model_dump(), (seconds, 2 * WALL_CLOCK_FACTOR * seconds, memory), job)
-            )
+            message = sizes.model_dump(), (seconds, 2 * WALL_CLOCK_FACTOR * seconds, memory), job
+            pickle.dump(message, self._jobs, protocol=5)
+            self._jobs.flush()
+            outcome: tuple[T, Exception | None] = pickle.load(self._answers)
         except (OSError, EOFError, pickle.UnpicklingError):
             # The worker has ended.
             self.end()
@@ -166,13 +171,6 @@ class _Worker:
             raise error
         return result
 
-    def _exchange(self, message: Any) -> Any:
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        pickle.dump(message, self._process.stdin, protocol=5)
-        self._process.stdin.flush()
-        return pickle.load(self._process.stdout)
-
     def _kill_late(self, is_late: threading.Event) -> None:
         is_late.set()
         self._process.kill()
@@ -180,11 +178,9 @@ class _Worker:
     def end(self) -> None:
         """End the process now; if it has ended by itself, its own exit code remains."""
         self._process.kill()
-        self._process.wait()
-        for stream in (self._process.stdin, self._process.stdout):
-            with suppress(OSError):  # a message that can no longer be sent
-                if stream is not None:
-                    stream.close()
+        # Leaving the process closes its streams and waits for it; a message may be left that can no longer be sent.
+        with suppress(OSError), self._process:
+            pass
 
 
 class _WorkerPool:

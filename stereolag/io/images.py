@@ -61,6 +61,9 @@ _DECODERS: dict[str, tuple[re.Pattern[bytes], type[ImageFile]]] = {
 _EXIF_ORIENTATION_TAG = 274
 """The EXIF tag of the camera's orientation."""
 
+_TURNS = {2: (0, True), 3: (2, False), 4: (2, True), 5: (3, True), 6: (3, False), 7: (1, True), 8: (1, False)}
+"""Quarters, counter-clockwise, by which pixels of each orientation are turned, and whether they are then mirrored."""
+
 MAX_VIEWS = 4
 """Views of one scene in a file of a stereo camera."""
 
@@ -115,10 +118,11 @@ def read_image(source: Source, *, frame: int | None = None) -> Image:
     """
     chosen = read_frame(source, 1 if frame is None else frame)
     if frame is None and chosen.count > 1:
-        message = (
-            f"The image holds {chosen.count} frames: choose one (frame=1 is the first), or save it as a separate file."
+        warnings.warn(
+            f"The image holds {chosen.count} frames: choose one (frame=1 is the first), or save it as a separate file.",
+            UnseenFrames,
+            stacklevel=2,
         )
-        warnings.warn(UnseenFrames(message), stacklevel=2)
     return chosen.pixels
 
 
@@ -142,17 +146,15 @@ def read_camera_frame(data: bytes, max_pixels: int, *, grey: bool = False) -> Im
     """Read a JPEG made by a browser from a camera frame, uint8 RGB or grey; ValueError for anything else."""
     if not data.startswith(_JPEG_MAGIC):
         raise ValueError("The frame is not a JPEG.")
-    try:
+    with suppress(SyntaxError, OSError):
         cols, rows = JpegImageFile(io.BytesIO(data)).size
-    except (SyntaxError, OSError) as error:
-        raise ValueError("The frame is damaged.") from error
-    if rows * cols > max_pixels:
-        raise ValueError(f"The frame has {rows * cols:,} pixels; live frames may have {max_pixels:,}.")
-    colours = cv2.IMREAD_GRAYSCALE if grey else cv2.IMREAD_COLOR_RGB
-    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), colours | cv2.IMREAD_IGNORE_ORIENTATION)
-    if pixels is None:
-        raise ValueError("The frame is damaged.")
-    return pixels
+        if rows * cols > max_pixels:
+            raise ValueError(f"The frame has {rows * cols:,} pixels; live frames may have {max_pixels:,}.")
+        colours = cv2.IMREAD_GRAYSCALE if grey else cv2.IMREAD_COLOR_RGB
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), colours | cv2.IMREAD_IGNORE_ORIENTATION)
+        if pixels is not None:
+            return pixels
+    raise ValueError("The frame is damaged.")
 
 
 def _check_frame(number: int, count: int) -> None:
@@ -374,19 +376,15 @@ def _decode_with_opencv(data: bytes, kind: str, mode: str = "") -> Image:
 
 
 def _upright(pixels: Image, image: PillowImage.Image) -> Image:
-    """Undo the camera's orientation: EXIF values 5 to 8 are 1 to 4 with rows and columns exchanged."""
+    """Undo the camera's orientation."""
     try:
         # Not `image.getexif`, which decodes a whole PNG to look for EXIF after the pixels.
         orientation = PillowImage.Image.getexif(image).get(_EXIF_ORIENTATION_TAG, 1)
     except Exception:  # broken EXIF raises all kinds of errors
         orientation = 1
-    if orientation in (5, 6, 7, 8):
-        pixels = np.swapaxes(pixels, 0, 1)
-    if orientation in (3, 4, 7, 8):
-        pixels = pixels[::-1]
-    if orientation in (2, 3, 6, 7):
-        pixels = pixels[:, ::-1]
-    return pixels
+    quarters, mirrored = _TURNS.get(orientation, (0, False))
+    turned = np.rot90(pixels, quarters)
+    return turned[:, ::-1] if mirrored else turned
 
 
 # Netpbm: PBM, PGM and PPM (bits, grey and colour integers) and PFM (grey floats). Pillow cuts colours to 8 bits and
@@ -525,8 +523,7 @@ def image_png(image: npt.ArrayLike) -> bytes:
     if pixels.ndim == 3:
         order = cv2.COLOR_RGB2BGR if pixels.shape[2] == 3 else cv2.COLOR_RGBA2BGRA
         pixels = np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels), order))
-    _, data = cv2.imencode(".png", pixels)
-    return data.tobytes()
+    return cv2.imencode(".png", pixels)[1].tobytes()
 
 
 def _png_chunk(kind: bytes, content: bytes) -> bytes:
@@ -544,8 +541,8 @@ def _png_of_16_bits(pixels: npt.NDArray[np.uint16]) -> bytes:
     np.subtract(stored[:, step:], stored[:, :-step], out=lines[:, 1 + step :])
     header = struct.pack(">IIBBBBB", cols, rows, 16, {1: 0, 3: 2, 4: 6}[channels], 0, 0, 0)
     # A window of 512 bytes is faster, and farther back only chance repeats anything.
-    parts = {b"IHDR": header, b"IDAT": isal_zlib.compress(lines.data, 1, 9), b"IEND": b""}
-    return _PNG_MAGIC + b"".join(_png_chunk(*part) for part in parts.items())
+    body = _png_chunk(b"IDAT", isal_zlib.compress(lines.data, 1, 9))
+    return _PNG_MAGIC + _png_chunk(b"IHDR", header) + body + _PNG_END
 
 
 def image_tiff(image: npt.ArrayLike) -> bytes:

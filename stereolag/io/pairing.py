@@ -42,8 +42,7 @@ class PairFiles:
 
 def _word(word: str) -> str:
     """Return a pattern for a word that stands alone, or is separated from its neighbours by camel case."""
-    capital = word[0].upper() + word[1:]
-    return rf"(?:(?<![A-Za-z])(?i:{word})|(?<=[a-z0-9]){capital})(?![a-z])"
+    return rf"(?:(?<![A-Za-z])(?i:{word})|(?<=[a-z0-9]){word.capitalize()})(?![a-z])"
 
 
 def _number(before: str, number: str) -> str:
@@ -111,18 +110,17 @@ def matched_pairs(names: Sequence[str]) -> list[PairFiles]:
         found,
     )
     left_truths = _Truths([name for name in truths if not _RIGHT_SIDE.search(PurePosixPath(name).stem)], found)
-    pair_names = _pair_names([pair.name for pair in found])
     return [
         replace(pair, name=name, truth=left_truths.of(pair), calibrations=calibrations.of(pair))
-        for pair, name in zip(found, pair_names, strict=True)
+        for pair, name in zip(found, _pair_names([pair.name for pair in found]), strict=True)
     ]
 
 
 def unpaired_left(names: Sequence[str], pairs: Sequence[PairFiles], convention: int) -> list[str]:
     """Return the left pictures among files, by a convention, that are in none of the pairs."""
     paired = {name for pair in pairs for name in (pair.left, pair.right)}
-    left = re.compile(CONVENTIONS[convention][0])
-    return [name for name in _pictures(names)[0] if name not in paired and left.search(_stem_path(name))]
+    left, _ = CONVENTIONS[convention]
+    return [name for name in _pictures(names)[0] if name not in paired and re.search(left, _stem_path(name))]
 
 
 def pictures_by_side(names: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -384,8 +382,7 @@ def _files_at(text: str) -> list[str]:
     """Return the file at a path, the pictures in and below a folder, or the files that match a pattern."""
     path = Path(text)
     if path.is_dir():
-        files = (file for file in path.rglob("*") if file.suffix.removeprefix(".").lower() in IMAGE_SUFFIXES)
-        return sorted(map(str, files))
+        return sorted(str(file) for file in path.rglob("*") if _suffix(file.name) in IMAGE_SUFFIXES)
     if path.exists():
         return [text]
     found = _glob(text)

@@ -206,8 +206,10 @@ def opencv_script(
         size = f"numDisparities={matcher.num_disparities}, blockSize={matcher.block_size}"
         others = {matcher.other_name(name): value for name, value in matcher}
         others = {name: value for name, value in others.items() if name not in ("numDisparities", "blockSize")}
-        lines = [f"matcher = cv2.StereoBM.create({size})"]
-        lines += [f"matcher.set{name[0].upper()}{name[1:]}({value})" for name, value in others.items()]
+        lines = [
+            f"matcher = cv2.StereoBM.create({size})",
+            *(f"matcher.set{name[0].upper()}{name[1:]}({value})" for name, value in others.items()),
+        ]
     return _program(
         "Measure the disparity of a stereo pair with OpenCV alone, px: positive in front of infinity, NaN where there "
         "is none.",

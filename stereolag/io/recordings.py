@@ -143,8 +143,13 @@ def _from_arrays(arrays: Mapping[str, npt.NDArray[Any]], track: int | str, form:
         ),
         None,
     )
-    names, columns = ("",) * len(channels), range(1, len(channels) + 1)
-    recording = recording_from_table(channels, names, columns, clock=clock, stated_rate=_stated_rate(arrays))
+    recording = recording_from_table(
+        channels,
+        ("",) * len(channels),
+        range(1, len(channels) + 1),
+        clock=clock,
+        stated_rate=_stated_rate(arrays),
+    )
     return replace(recording, tracks=tracks, track=number)
 
 

@@ -40,11 +40,10 @@ def _json_value(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _csv(names: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+def csv_lines(rows: Iterable[Iterable[object]]) -> str:
+    """Return rows as lines of CSV."""
     text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(names)
-    table.writerows(rows)
+    csv.writer(text, lineterminator="\n").writerows(rows)
     return text.getvalue()
 
 
@@ -67,45 +66,50 @@ def metrics_csv(
     """
     maps, estimated = maps or {}, estimated_bad or {}
     thresholds = sorted({threshold for evaluation in evaluations.values() for threshold in evaluation.bad})
-    columns = ["truth_pixels", "density", "epe_px", "d1_all_percent"]
-    columns += [f"bad_{threshold:g}_percent" for threshold in thresholds]
-    columns += [f"bad_measured_{threshold:g}_percent" for threshold in thresholds]
-    columns += ["coverage", "filled", "elapsed_s"] if maps else []
-    columns += ["estimated_bad_2_percent"] if estimated else []
-    rows = []
+    columns = [
+        *("truth_pixels", "density", "epe_px", "d1_all_percent"),
+        *(f"bad_{threshold:g}_percent" for threshold in thresholds),
+        *(f"bad_measured_{threshold:g}_percent" for threshold in thresholds),
+        *(("coverage", "filled", "elapsed_s") if maps else ()),
+        *(("estimated_bad_2_percent",) if estimated else ()),
+    ]
+    rows = [["method", *columns]]
     for name in dict.fromkeys([*evaluations, *maps, *estimated]):
-        figures: dict[str, float] = {}
-        if name in evaluations:
-            figures |= figures_of(evaluations[name])
+        figures = figures_of(evaluations[name]) if name in evaluations else {}
         if name in maps:
             result = maps[name]
-            filled = float(result.filled.mean())
-            figures |= {"coverage": result.coverage, "filled": filled, "elapsed_s": result.elapsed_s}
+            figures |= {
+                "coverage": result.coverage,
+                "filled": float(result.filled.mean()),
+                "elapsed_s": result.elapsed_s,
+            }
         if name in estimated:
             figures["estimated_bad_2_percent"] = estimated[name]
         values = [figures.get(column, math.nan) for column in columns]
         rows.append([name, *("" if math.isnan(figure) else figure for figure in values)])
-    return _csv(["method", *columns], rows)
+    return csv_lines(rows)
 
 
 def figures_of(evaluation: Evaluation) -> dict[str, float]:
     """Return the figures of an evaluation by name, with threshold and unit in the name: ``bad_2_percent``."""
-    figures = {
+    return {
         "truth_pixels": evaluation.truth_pixels,
         "density": evaluation.density,
         "epe_px": evaluation.epe,
         "d1_all_percent": evaluation.d1_all,
-    }
-    figures |= {f"bad_{threshold:g}_percent": share for threshold, share in evaluation.bad.items()}
-    return figures | {
-        f"bad_measured_{threshold:g}_percent": share for threshold, share in evaluation.bad_measured.items()
+        **{f"bad_{threshold:g}_percent": share for threshold, share in evaluation.bad.items()},
+        **{f"bad_measured_{threshold:g}_percent": share for threshold, share in evaluation.bad_measured.items()},
     }
 
 
 def search_figures(result: TemplateSearch, query: TemplateQuery) -> dict[str, Any]:
     """Return the figures printed by ``stereolag find --json``: all results but the score map, and the settings."""
-    figures = {field.name: getattr(result, field.name) for field in fields(result) if field.name != "score_map"}
-    return {"command": "find", "found": result.found} | figures | {"settings": query.model_dump()}
+    return {
+        "command": "find",
+        "found": result.found,
+        **{field.name: getattr(result, field.name) for field in fields(result) if field.name != "score_map"},
+        "settings": query.model_dump(),
+    }
 
 
 def left_out_in_words(result: TemplateSearch) -> str:
@@ -133,7 +137,7 @@ def matches_csv(result: TemplateSearch) -> str:
         [*(getattr(match, name) for name in names), int(number < result.clear)]
         for number, match in enumerate(result.matches)
     ]
-    return _csv([*names, "clear"], rows)
+    return csv_lines([[*names, "clear"], *rows])
 
 
 def lag_figures(result: SignalLag, search: LagSearch, assumed: Collection[str] = ()) -> dict[str, Any]:
@@ -169,21 +173,20 @@ def lag_figures(result: SignalLag, search: LagSearch, assumed: Collection[str] =
 
 def _over_time_figures(over_time: LagOverTime, sampling_rate: float) -> dict[str, Any]:
     """Return the lag over time by name: samples, ppm, and for each step its time in recording 1, seconds."""
-    steps = [
-        {
-            "time_s": step.place / sampling_rate,
-            "before": step.before,
-            "after": step.after,
-            "missing_in_recording_2": step.missing,
-        }
-        for step in over_time.steps
-    ]
     return {
         "start": over_time.start,
         "end": over_time.end,
         "ppm": over_time.ppm,
         "error_ppm": over_time.error_ppm,
-        "steps": steps,
+        "steps": [
+            {
+                "time_s": step.place / sampling_rate,
+                "before": step.before,
+                "after": step.after,
+                "missing_in_recording_2": step.missing,
+            }
+            for step in over_time.steps
+        ],
     }
 
 
@@ -251,4 +254,4 @@ def curve_csv(result: SignalLag, sampling_rate: float, max_lags: int | None = No
         first = min(max(0, int(np.searchsorted(lags, result.lag)) - max_lags // 2), lags.size - max_lags)
         lags, values = lags[first : first + max_lags], values[first : first + max_lags]
     rows = zip(lags.tolist(), (lags / sampling_rate).tolist(), values.tolist(), strict=True)
-    return _csv(["lag_samples", "time_s", name], rows)
+    return csv_lines([["lag_samples", "time_s", name], *rows])

@@ -208,9 +208,8 @@ def read_session(archive: Archive, guard: Guard = unguarded) -> Session:
     if not {"left", "right"} <= set(files):
         raise ValueError(f"The {what} does not name the left and the right image.")
     left, right = as_stereo_pair(*(guard(read_image)(archive.read(files[side])) for side in ("left", "right")))
-    truth = visible = None
-    if "truth" in files:
-        truth = guard(read_disparity)(archive.read(files["truth"]))
+    truth = guard(read_disparity)(archive.read(files["truth"])) if "truth" in files else None
+    visible = None
     if "visible" in files:
         visible = guard(read_image)(archive.read(files["visible"])) > 0
         visible = visible if visible.ndim == 2 else visible[:, :, 0]

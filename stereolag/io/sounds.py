@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import re
 from collections import deque
-from collections.abc import Iterator
 from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -268,8 +267,9 @@ def _by_ffmpeg(file: str | BinaryIO, form: SoundFormat, track: int | str) -> Rec
     import av
 
     # Never let FFmpeg guess: some formats it knows are lists of addresses that it would fetch.
-    options = {"protocol_whitelist": "file"}
-    with av.open(file, "r", format=form.demuxer, options=options, metadata_errors="replace") as container:
+    with av.open(
+        file, "r", format=form.demuxer, options={"protocol_whitelist": "file"}, metadata_errors="replace"
+    ) as container:
         streams = container.streams.audio
         if not streams:
             raise ValueError(f"The {WHAT} is {form.a_file} without sound.")
@@ -280,9 +280,9 @@ def _by_ffmpeg(file: str | BinaryIO, form: SoundFormat, track: int | str) -> Rec
         if context is None:
             raise EOFError("an unknown codec")
         if not (context.name in CODECS or context.name.startswith("pcm_")):
-            coding = quote(context.name)
             raise ValueError(
-                f"The {WHAT} is {form.a_file} in the coding {coding}, which is not decoded; {EXPORT_AGAIN}."
+                f"The {WHAT} is {form.a_file} in the coding {quote(context.name)}, which is not decoded; "
+                f"{EXPORT_AGAIN}."
             )
         context.thread_count = 1
         recording = _decode_stream(container, stream)
@@ -297,19 +297,20 @@ def _by_ffmpeg(file: str | BinaryIO, form: SoundFormat, track: int | str) -> Rec
 
 
 def _stream_label(stream: AudioStream) -> str:
-    tags = [stream.metadata.get("title", ""), stream.metadata.get("language", "")]
-    known = [tag for tag in tags if tag and tag != "und"]
+    known = [tag for tag in map(stream.metadata.get, ("title", "language")) if tag and tag != "und"]
     return f" ({', '.join(known)})" if known else ""
 
 
 def _decode_stream(container: InputContainer, stream: AudioStream) -> Recording:
     """Return the sound of a stream from the beginning of its file on, silent where it has none."""
+    from stereolag.io.videos import decoded_frames
+
     blocks: deque[npt.NDArray[Any]] = deque()
     gaps: list[Gap] = []
     faults: list[Exception] = []
     sample_count, rate, channel_count = 0, 0, 0
     start_s = (container.start_time or 0) / 1_000_000  # FFmpeg counts microseconds
-    for frame in _decode_frames(container, stream, faults):
+    for frame in decoded_frames(container, stream, faults):
         block = _frame_samples(frame)
         if not rate:
             rate, channel_count = frame.sample_rate, len(block)
@@ -336,20 +337,6 @@ def _decode_stream(container: InputContainer, stream: AudioStream) -> Recording:
         place += block.shape[1]
     notes = (f"damaged in {counted(len(faults), 'place')}: sound is missing there",) if faults else ()
     return Recording(channels, float(rate), gaps=tuple(gaps), notes=notes)
-
-
-def _decode_frames(container: InputContainer, stream: AudioStream, faults: list[Exception]) -> Iterator[AudioFrame]:
-    """Yield all frames that can be decoded; errors of the others are added to `faults`."""
-    import av
-
-    try:
-        for packet in container.demux(stream):
-            try:
-                yield from packet.decode()
-            except av.FFmpegError as error:  # this packet is lost; later ones may be intact
-                faults.append(error)
-    except av.FFmpegError as error:
-        faults.append(error)
 
 
 def _frame_samples(frame: AudioFrame) -> npt.NDArray[Any]:

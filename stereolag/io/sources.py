@@ -46,17 +46,9 @@ def read_bytes(source: Source, what: str) -> bytes:
     OSError
         A path that cannot be opened.
     """
-    if isinstance(source, bytes | bytearray | memoryview):
-        data = bytes(source)
-    elif isinstance(source, str | PathLike):
-        with Path(source).open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    elif hasattr(source, "read"):
-        if hasattr(source, "seek"):
-            source.seek(0)
-        data = source.read(MAX_BYTES + 1)
-    else:
+    if not (isinstance(source, str | PathLike | bytes | bytearray | memoryview) or hasattr(source, "read")):
         raise ValueError(f"A {what} is read from a path, bytes or a binary file, not from {type(source).__name__}.")
+    data = beginning(source, MAX_BYTES + 1)
     if not isinstance(data, bytes):
         raise ValueError(f"The {what} was opened as text; open it in binary mode.")
     if not data:
@@ -66,15 +58,16 @@ def read_bytes(source: Source, what: str) -> bytes:
     return data
 
 
-def beginning(source: Source) -> bytes:
+def beginning(source: Source, count: int = HEADER_BYTES) -> bytes:
     """Return the first bytes of `source`, by which its format is recognised; a file object is left after them."""
     if isinstance(source, bytes | bytearray | memoryview):
-        return bytes(source[:HEADER_BYTES])
+        return bytes(source)[:count]
     if isinstance(source, str | PathLike):
         with Path(source).open("rb") as file:
-            return file.read(HEADER_BYTES)
-    source.seek(0)
-    return source.read(HEADER_BYTES)
+            return file.read(count)
+    if hasattr(source, "seek"):
+        source.seek(0)
+    return source.read(count)
 
 
 def check_pixels(width: int, height: int, what: str) -> None:

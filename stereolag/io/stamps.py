@@ -18,8 +18,13 @@ MAX_DECIMALS = 9
 
 DAY_S = 86_400
 _EPOCH_DAY = date(1970, 1, 1).toordinal()
-_MONTHS = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"]
-_OTHER_MONTHS = {"mai": "may", "okt": "oct", "dez": "dec"}
+_MONTHS = {
+    name: number
+    for number, names in enumerate(
+        ("jan", "feb", "mar", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov", "dec dez"), start=1
+    )
+    for name in names.split()
+}
 
 _ZONE_HOURS = {
     zone: int(hours)
@@ -114,14 +119,12 @@ def read_stamps(texts: Sequence[str]) -> Times:
     remain ambiguous, the times count from midnight. Times of day continue after midnight. Of two numbers, the first is
     minutes if it is above 23 or the second has a fraction, otherwise hours.
     """
-    moments = np.empty(0, dtype="datetime64[ns]")
     if all(map(_ISO_STAMP.fullmatch, texts)):
         with suppress(ValueError):
             moments = np.array(texts, dtype="datetime64[ns]")  # ten times as fast as the rest
-    if moments.size and not np.isnat(moments).any():
-        first = moments[0].astype("datetime64[D]")
-        seconds = (moments - first).astype(np.int64) * 1e-9
-        return _times_from_seconds(seconds, int(first.astype(np.int64)) * DAY_S, "1970", rounding_step(seconds))
+            first = moments[0].astype("datetime64[D]")
+            seconds = (moments - first).astype(np.int64) * 1e-9
+            return _times_from_seconds(seconds, int(first.astype(np.int64)) * DAY_S, "1970", rounding_step(seconds))
     stamps = [_STAMP.fullmatch(text) for text in texts]
     clocks = [stamp for stamp in stamps if stamp and (stamp["h"] or stamp["hms"])]
     by_minutes = all(clock["h"] and not clock["s"] for clock in clocks) and any(
@@ -141,8 +144,9 @@ def read_stamps(texts: Sequence[str]) -> Times:
     seconds = np.full(len(texts), np.nan)
     for row, (stamp, parts) in enumerate(zip(stamps, dates, strict=True)):
         if stamp is not None and (stamp["h"] or stamp["hms"] or not clocks) and (parts or not days):
-            seconds[row] = _time_of_day(stamp, by_minutes=by_minutes, milliseconds=milliseconds)
-            seconds[row] += (days[parts] - first_day) * DAY_S if parts else 0
+            seconds[row] = _time_of_day(stamp, by_minutes=by_minutes, milliseconds=milliseconds) + (
+                (days[parts] - first_day) * DAY_S if parts else 0
+            )
     decimals = max((len(clock["f"] or clock["part"] or "") for clock in clocks), default=0)
     rounding = 10.0**-decimals if any(clock["s"] or clock["hms"] or by_minutes for clock in clocks) else 60.0
     if days:
@@ -179,10 +183,8 @@ def _days_of_dates(dates: set[_DateParts], has_am_pm: bool) -> tuple[dict[_DateP
     """Return the day of each date, from 1970, and whether it is unambiguous; {} if no order makes all of them exist."""
     orders = {}
     for order in ("dmy", "mdy", "ymd"):
-        try:
+        with suppress(ValueError):
             orders[order] = {parts: _day_number(parts, order) for parts in dates}
-        except ValueError:
-            continue
     if not dates or not orders:
         return {}, True
     spans = {order: max(days.values()) - min(days.values()) for order, days in orders.items()}
@@ -199,8 +201,7 @@ def _day_number(parts: _DateParts, order: str) -> int:
     if mark == _NO_YEAR_MARK:
         order = "dmy"
     if second.isalpha():
-        name = second[:3].lower()
-        second, order = str(_MONTHS.index(_OTHER_MONTHS.get(name, name)) + 1), "dmy"
+        second, order = str(_MONTHS.get(second[:3].lower(), 0)), "dmy"
     if len(first) > 2:
         order = "ymd"
     elif len(third) > 2 and order == "ymd":

@@ -6,13 +6,16 @@ import io
 import threading
 from bisect import bisect_right
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cached_property, lru_cache
+from operator import attrgetter
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import av
 import numpy as np
+from av.audio.stream import AudioStream
 from av.container import InputContainer
 from av.stream import Disposition
 from av.video.frame import VideoFrame
@@ -36,7 +39,7 @@ CODECS = frozenset([*CAMERA_CODECS, *EDITOR_CODECS])
 """The codecs that cameras and editors write; FFmpeg has hundreds more, few of them tested on hostile bytes."""
 
 DEFAULT_RATE_HZ = 10.0
-"""Frame rate of a video that states no plausible one, Hz."""
+"""Frame rate of videos and pictures that state no plausible one, Hz."""
 
 MIN_RATE_HZ, MAX_RATE_HZ = 0.01, 1000
 """Range of plausible frame rates."""
@@ -83,12 +86,12 @@ class VideoFile:
         """Hz; gaps where frames were dropped do not count."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        opened = _open_once if isinstance(self._source, Path) else VideoFile
+        opened = _open_once if isinstance(self._source, Path) else type(self)
         return opened, (self._source, self._track)
 
     def __len__(self) -> int:
         """Return the number of frames."""
-        return len(self._frame_times)
+        return len(self.times_s)
 
     def frame(self, number: int) -> Image:
         """Return a frame, (rows, cols) grey or (rows, cols, 3) RGB, uint8, by its number, from 0.
@@ -107,8 +110,7 @@ class VideoFile:
         with self._lock:
             try:
                 frame = self._decode(number)
-                grey = frame.format.name.startswith("gray")
-                image = frame.to_ndarray(format="gray" if grey else "rgb24")
+                image = frame.to_ndarray(format="gray" if frame.format.name.startswith("gray") else "rgb24")
                 return np.ascontiguousarray(np.rot90(image, round(frame.rotation / 90)))
             except (av.FFmpegError, ValueError, EOFError) as error:
                 self._frames = None
@@ -127,9 +129,10 @@ class VideoFile:
                 f"This is not a {WHAT} that can be read, or its beginning is damaged; accepted are {ACCEPTED}."
             )
         file = str(self._source) if isinstance(self._source, Path) else io.BytesIO(self._source)
-        options = {"protocol_whitelist": "file"}
         try:
-            return av.open(file, "r", format=form.demuxer, options=options, metadata_errors="replace")
+            return av.open(
+                file, "r", format=form.demuxer, options={"protocol_whitelist": "file"}, metadata_errors="replace"
+            )
         except av.FFmpegError as error:
             raise ValueError(DAMAGED) from error
 
@@ -161,7 +164,7 @@ class VideoFile:
         max_frames, max_s = limits().max_frames, limits().max_video_s
         times: list[int] = []
         keyframe_times: list[int] = []
-        try:
+        with suppress(av.FFmpegError):  # of the end of a file cut short
             for packet in self._container.demux(self._stream):
                 if packet.size == 0 or packet.is_discard:
                     continue
@@ -173,10 +176,7 @@ class VideoFile:
                     keyframe_times.append(time)
                 if len(times) > max_frames:
                     raise ValueError(f"The {WHAT} holds more than {max_frames:,} frames, the most that is accepted.")
-        except av.FFmpegError as error:
-            if not times:
-                raise ValueError(DAMAGED) from error
-        if not times or not keyframe_times:
+        if not keyframe_times:
             raise ValueError(DAMAGED)
         seconds = (max(times) - min(times)) * float(self._stream.time_base or 0)
         if seconds > max_s:
@@ -188,7 +188,8 @@ class VideoFile:
         if self._frames is None or number != self._next:
             place = bisect_right(self._keyframe_times, wanted) - 1
             self._container.seek(self._keyframe_times[max(place, 0)], stream=self._stream, backward=True)
-            self._frames = self._decoded_frames()
+            self._stream.codec_context.flush_buffers()
+            self._frames = decoded_frames(self._container, self._stream, faults=[])
         later_frames = 0
         for frame in self._frames:
             time = frame.pts if frame.pts is not None else frame.dts
@@ -202,15 +203,22 @@ class VideoFile:
                 break
         raise ValueError("the frame is missing")
 
-    def _decoded_frames(self) -> Iterator[VideoFrame]:
-        """Yield decoded frames from the container's current position, in the order in which they are shown."""
-        context = self._stream.codec_context
-        context.flush_buffers()
-        for packet in self._container.demux(self._stream):
+
+def decoded_frames(
+    container: InputContainer, stream: VideoStream | AudioStream, faults: list[Exception]
+) -> Iterator[Any]:
+    """Yield all frames that can be decoded, in the order in which they are shown.
+
+    They begin at the container's current position. Errors of the others are added to `faults`.
+    """
+    try:
+        for packet in container.demux(stream):
             try:
                 yield from packet.decode()
-            except av.FFmpegError:
-                continue  # the frame of this packet is lost; later ones may be intact
+            except av.FFmpegError as error:  # this packet is lost; later ones may be intact
+                faults.append(error)
+    except av.FFmpegError as error:
+        faults.append(error)
 
 
 class GuardedVideo(VideoFile):
@@ -219,25 +227,13 @@ class GuardedVideo(VideoFile):
     def __init__(self, source: Source, track: int = 0) -> None:
         self._source, self._track = read_bytes(source, WHAT), track
         self._guarded = GuardedObject(VideoFile, self._source, track)
-        properties: tuple[Vector, int, float] = self._guarded.ask(_properties)
-        self.times_s, self.tracks, self.frame_rate = properties
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return GuardedVideo, (self._source, self._track)
-
-    def __len__(self) -> int:
-        """Return the number of frames."""
-        return len(self.times_s)
+        self.times_s, self.tracks, self.frame_rate = self._guarded.ask(attrgetter("times_s", "tracks", "frame_rate"))
 
     def frame(self, number: int) -> Image:
         """Return a frame."""
         self._check(number)
         image: Image = self._guarded.ask(VideoFile.frame, number)
         return image
-
-
-def _properties(video: VideoFile) -> tuple[Vector, int, float]:
-    return video.times_s, video.tracks, video.frame_rate
 
 
 def _size(stream: VideoStream) -> tuple[int, int]:

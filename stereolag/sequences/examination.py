@@ -36,15 +36,15 @@ def diagnose_sequence(sequence: StereoSequence) -> Diagnosis | None:
         As for one pair. NOT_SAME_MOMENT also has ``frames`` if the rows match better when each left picture is paired
         with the right one that many frames later. None if none of the frames can be read.
     """
-    count = min(EXAMINED_FRAMES, len(sequence))
-    numbers = np.unique(np.linspace(0, len(sequence) - 1, count).round().astype(int)).tolist()
+    places = np.linspace(0, len(sequence) - 1, min(EXAMINED_FRAMES, len(sequence)))
+    numbers = np.unique(places.round().astype(int)).tolist()
     pictures = {number: found for number in numbers if (found := _pictures(sequence, number)) is not None}
     if not pictures:
         first = sequence.first_readable()
         return None if first is None else diagnose(*first.turned(sequence.turn))
     diagnoses = [diagnose(*both) for both in pictures.values()]
-    by_question = [_majority_finding(code, diagnoses) for code in FindingCode if code != FindingCode.RANGE]
-    findings = tuple(finding for finding in by_question if finding is not None)
+    by_question = (_majority_finding(code, diagnoses) for code in FindingCode if code != FindingCode.RANGE)
+    findings = tuple(filter(None, by_question))
     moment = next((one for one in findings if one.code == FindingCode.NOT_SAME_MOMENT and not one.healthy), None)
     if moment is not None and (late := _frames_late(sequence, [*pictures])):
         timed = replace(moment, numbers={**moment.numbers, "frames": late})
@@ -61,9 +61,7 @@ def diagnose_sequence(sequence: StereoSequence) -> Diagnosis | None:
 def _pictures(sequence: StereoSequence, number: int) -> tuple[Image, Image] | None:
     """Return the pictures of a frame; None if it is damaged, or its pictures differ in size."""
     frame = sequence.readable(number)
-    if frame is None or frame.left.shape[:2] != frame.right.shape[:2]:
-        return None
-    return frame.turned(sequence.turn)
+    return frame.turned(sequence.turn) if frame and frame.left.shape[:2] == frame.right.shape[:2] else None
 
 
 def _majority_finding(code: FindingCode, diagnoses: list[Diagnosis]) -> Finding | None:
@@ -90,9 +88,5 @@ def _row_error(sequence: StereoSequence, number: int, late: int) -> float | None
     if not 0 <= number + late < len(sequence):
         return None
     left, right = _pictures(sequence, number), _pictures(sequence, number + late)
-    if left is None or right is None:
-        return None
-    views = find_views(find_correspondences(left[0], right[1]))
-    if views is None or len(views.points) < MIN_MATCHES:
-        return None
-    return float(np.median(np.abs(views.points.dy)))
+    views = find_views(find_correspondences(left[0], right[1])) if left and right else None
+    return float(np.median(np.abs(views.points.dy))) if views and len(views.points) >= MIN_MATCHES else None

@@ -24,6 +24,7 @@ from stereolag.core.jobs import Progress
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scene import nearest_obstacle
 from stereolag.io.disparities import DISPARITY_FORMATS, KITTI_SCALE, read_stored_disparity
+from stereolag.io.results import csv_lines
 from stereolag.io.settings import settings_document
 from stereolag.io.sources import Source, write_file
 from stereolag.sequences.motion import Steadiness, matched_turned, motion_since, steadied
@@ -110,10 +111,11 @@ def match_frame(task: FrameTask, progress: Progress | None = None) -> MatchedFra
     """
     try:
         frame = task.reader()
-        maps = {}
-        for name, matcher in task.matchers.items():
-            # Scores and vertical displacements are not needed here, and would be sent between machines.
-            maps[name] = replace(matched_turned(matcher, frame, task.turn, progress), _score=None, _dy=None)
+        # Scores and vertical displacements are not needed here, and would be sent between machines.
+        maps = {
+            name: replace(matched_turned(matcher, frame, task.turn, progress), _score=None, _dy=None)
+            for name, matcher in task.matchers.items()
+        }
     except (ValueError, OSError) as error:
         return MatchedFrame(task.number, problem=_in_one_line(error))
     return MatchedFrame(task.number, frame.left, maps, truth=frame.truth)
@@ -142,12 +144,15 @@ def encoded_frame(
     matched = matched or match_frame(task, progress)
     if matched.left is None:
         return MatchedFrame(task.number, problem=matched.problem)
-    maps = {}
     try:
-        for name, result in _steadied(task, matched, previous).items():
-            data = DISPARITY_FORMATS[task.suffix].write(result.disparity)
-            figures = figures_of(result, matched.truth, task.calibration)
-            maps[name] = FrameMap(as_stored(result.disparity, task.suffix), data, figures)
+        maps = {
+            name: FrameMap(
+                as_stored(result.disparity, task.suffix),
+                DISPARITY_FORMATS[task.suffix].write(result.disparity),
+                figures_of(result, matched.truth, task.calibration),
+            )
+            for name, result in _steadied(task, matched, previous).items()
+        }
     except ValueError as error:
         return MatchedFrame(task.number, problem=_in_one_line(error))
     return _as_requested(task, matched.left, maps, matched.truth)
@@ -310,12 +315,8 @@ def figures_of(result: DisparityMap, truth: FloatMap | None, calibration: Calibr
 
 def table_lines(records: Iterable[FrameRecord], *, header: bool = False) -> str:
     """Return records as lines of the table, with or without its header; unknown figures are left empty."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    if header:
-        writer.writerow(COLUMNS)
-    writer.writerows(map(_cell, astuple(record)) for record in records)
-    return text.getvalue()
+    rows = (map(_cell, astuple(record)) for record in records)
+    return csv_lines([COLUMNS, *rows] if header else rows)
 
 
 def read_records(path: Path) -> list[FrameRecord]:
@@ -338,6 +339,7 @@ def _cell(value: object) -> object:
     return value
 
 
+@dataclass(eq=False)
 class SequenceTarget(ABC):
     """Destination of the frames, which arrive in order; it knows which are finished.
 
@@ -353,11 +355,10 @@ class SequenceTarget(ABC):
         Displacement at the rim of the colour wheel of the flow, px; None until known.
     """
 
-    def __init__(self) -> None:
-        self.records: dict[tuple[int, str], FrameRecord] = {}
-        self.finished: dict[int, tuple[str, ...]] = {}
-        self.colours: tuple[float, float] | None = None
-        self.largest_motion: float | None = None
+    records: dict[tuple[int, str], FrameRecord] = field(default_factory=dict)
+    finished: dict[int, tuple[str, ...]] = field(default_factory=dict)
+    colours: tuple[float, float] | None = None
+    largest_motion: float | None = None
 
     @abstractmethod
     def file(self, number: int, method: str) -> Source:
@@ -381,6 +382,7 @@ class SequenceTarget(ABC):
         """Finish; no more frames follow."""
 
 
+@dataclass(eq=False)
 class SequenceMemory(SequenceTarget):
     """Target that keeps everything in memory: nothing that a visitor uploads is written to disk.
 
@@ -390,9 +392,7 @@ class SequenceMemory(SequenceTarget):
         {(frame number, method): bytes of the map}.
     """
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.maps: dict[tuple[int, str], bytes] = {}
+    maps: dict[tuple[int, str], bytes] = field(default_factory=dict)
 
     def file(self, number: int, method: str) -> Source:
         """Return the bytes of a map."""
@@ -448,9 +448,11 @@ class SequenceFolder(SequenceTarget):
             self.records = {
                 (one.number, one.method): one for one in read_records(path / TABLE_NAME) if self._is_finished(one)
             }
-        for number in range(len(sequence)):
-            if all((number, method) in self.records for method in self._methods):
-                self.finished[number] = self._methods
+        self.finished = {
+            number: self._methods
+            for number in range(len(sequence))
+            if all((number, method) in self.records for method in self._methods)
+        }
         self._write_manifest()
         self._rewrite_table()
         self._table = (path / TABLE_NAME).open("a", encoding="utf-8")
@@ -529,12 +531,11 @@ def _check(matchers: Mapping[str, StereoMatcher], suffix: str) -> None:
     """Raise an error if a method has no valid name for a folder, or a search range that does not fit the files."""
     if not matchers:
         raise ValueError("No matcher was given; at least one is needed.")
-    for name in matchers:
-        if not _FOLDER_NAME.fullmatch(name):
-            raise ValueError(f"{name!r} is not a folder name; allowed are letters, digits, '-', '_' and '.'.")
     if suffix not in DISPARITY_FORMATS:
         raise ValueError(f"disparity_format is {suffix!r}; allowed are {', '.join(DISPARITY_FORMATS)}.")
     for name, matcher in matchers.items():
+        if not _FOLDER_NAME.fullmatch(name):
+            raise ValueError(f"{name!r} is not a folder name; allowed are letters, digits, '-', '_' and '.'.")
         first, count = matcher.reach() or (0, 0)
         if suffix == PNG and (first < 0 or first + count > 256):
             raise ValueError(
@@ -546,8 +547,9 @@ def _check(matchers: Mapping[str, StereoMatcher], suffix: str) -> None:
 def _document(sequence: StereoSequence, task: FrameTask) -> dict[str, Any]:
     """Return the inputs of maps and table as JSON values, under names for an error message."""
     names = hashlib.sha256("\n".join(sequence.names).encode()).hexdigest()
-    frames = {"count": len(sequence), "names": names, "rate": sequence.frame_rate}
-    frames |= {"turned": sequence.turn} if sequence.turn else {}
+    frames = {"count": len(sequence), "names": names, "rate": sequence.frame_rate} | (
+        {"turned": sequence.turn} if sequence.turn else {}
+    )
     document = {
         "version": VERSION,
         "settings": {name: settings_document(matcher) for name, matcher in task.matchers.items()},

@@ -332,8 +332,10 @@ class FrameMotion:
         if self.scene is None:
             return figures
         if not self.problem:
-            figures["own_speed_kmh"] = self.scene.own_speed_kmh
-            figures["own_speed_error_kmh"] = self.scene.own_speed_error_kmh
+            figures |= {
+                "own_speed_kmh": self.scene.own_speed_kmh,
+                "own_speed_error_kmh": self.scene.own_speed_error_kmh,
+            }
         objects = (
             f"{one.distance_m:.1f} m"
             + (f" {one.speed_kmh:.0f} ± {one.speed_error_kmh:.0f} km/h" if one.trusted else "")
@@ -434,8 +436,7 @@ class MotionDetector:
         dy, dx = -motion.flow_back.dy, -motion.flow_back.dx
         if self.settings.arrows:
             spacing = max(8, round(picture.shape[1] * (1 / 28)))
-            darkened = (picture * np.float32(0.45)).astype(np.uint8)
-            flow_picture = with_arrows(darkened, dy, dx, spacing=spacing)
+            flow_picture = with_arrows((picture * np.float32(0.45)).astype(np.uint8), dy, dx, spacing=spacing)
         else:
             colours = flow_colours(dy, dx, self.largest or 1.0)
             flow_picture = np.where(colours[..., 3:] > 0, colours[..., :3], np.uint8(NO_ANSWER[0]))

@@ -10,7 +10,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, Future
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import islice
@@ -104,8 +104,8 @@ def in_order(
     waiting: deque[tuple[int, Pending, threading.Event]] = deque()
     try:
         while True:
-            free = max(0, runner.max_in_flight - len(waiting))  # the limit may fall once a worker has died
-            waiting.extend(map(started, islice(remaining, free)))
+            # The limit may fall once a worker has died.
+            waiting.extend(map(started, islice(remaining, max(0, runner.max_in_flight - len(waiting)))))
             if not waiting:
                 return
             poll()
@@ -138,7 +138,7 @@ def runner_at(scheduler: str | None) -> Iterator[Runner]:
     """
     with ExitStack() as stack:
         if scheduler is None:
-            yield stack.enter_context(ThreadRunner())
+            yield stack.enter_context(closing(ThreadRunner()))
             return
         try:
             import distributed
@@ -175,10 +175,7 @@ def dask_setup(worker: object) -> None:
 
 
 class ThreadRunner:
-    """Runner on threads of this process, one frame on each core.
-
-    On exit, each frame in flight is abandoned after the current stage of its matching.
-    """
+    """Runner on threads of this process, one frame on each core."""
 
     crashes: tuple[type[Exception], ...] = ()
 
@@ -187,10 +184,8 @@ class ThreadRunner:
         self._stop = threading.Event()
         self._pool = lone_threads("frames")
 
-    def __enter__(self) -> ThreadRunner:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """Abandon each frame in flight after the current stage of its matching."""
         self._stop.set()
         self._pool.shutdown(wait=True, cancel_futures=True)
 
@@ -439,14 +434,10 @@ class _Job:
         sampled_numbers: list[int] = []
         if self._writer is not None and self._target.colours is None:
             available = self._missing or range(len(self._sequence))
-            count = min(len(available), SAMPLED_FRAMES)
-            places = np.unique(np.linspace(0, len(available) - 1, count).round().astype(int))
-            sampled_numbers = [available[place] for place in places]
+            places = np.linspace(0, len(available) - 1, min(len(available), SAMPLED_FRAMES))
+            sampled_numbers = [available[place] for place in np.unique(places.round().astype(int))]
         # The frames sampled for the colours are started first, and the others right after them.
-        numbers = [
-            *(sampled_numbers if missing else ()),
-            *(number for number in self._missing if number not in sampled_numbers),
-        ]
+        numbers = sorted(self._missing, key=lambda number: number not in sampled_numbers)
         matched = in_order(self._runner, self._submit, map(self._task, numbers), self._poll)
         sampled = {number: next(matched) if missing else self._read_back(number) for number in sampled_numbers}
         if sampled:
@@ -518,9 +509,9 @@ class _Job:
             if truth is None or truth.shape != frame.left.shape[:2]:
                 truth = np.full(frame.left.shape[:2], np.nan, np.float32)
             disparities.append(truth)
-        pictures: Sequence[Rgb] = [as_rgb(frame.left)]
-        if self._detector is not None:
-            pictures = self._detector.pictures(frame.left, motion)
+        pictures: Sequence[Rgb] = (
+            [as_rgb(frame.left)] if self._detector is None else self._detector.pictures(frame.left, motion)
+        )
         writer.write(panels(pictures[0], disparities, self._target.colours, others=pictures[1:]))
 
     def _flicker(self, frame: MatchedFrame[FrameMap]) -> dict[str, float]:

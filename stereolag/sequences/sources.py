@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from stereolag.assess.findings import Finding
-from stereolag.assess.layout import Anaglyph, Layout, likely_layout, views
+from stereolag.assess.layout import Layout, likely_layout, views
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import limits
@@ -26,12 +26,9 @@ from stereolag.io.guard import Guard, guarded, unguarded
 from stereolag.io.images import IMAGE_SUFFIXES, read_image
 from stereolag.io.pairing import matched_pairs, natural_order, pictures_by_side, unpaired_left
 from stereolag.io.sources import Archive, Source, beginning, is_archive, read_archive
-from stereolag.io.videos import MAX_RATE_HZ, MIN_RATE_HZ, VIDEO_SUFFIXES, GuardedVideo, VideoFile
+from stereolag.io.videos import DEFAULT_RATE_HZ, MAX_RATE_HZ, MIN_RATE_HZ, VIDEO_SUFFIXES, GuardedVideo, VideoFile
 from stereolag.samples import DriveExample
 from stereolag.sequences.partners import frame_rate_in_names, partners_by_name, partners_of_frames, same_rate
-
-DEFAULT_RATE_HZ = 10.0
-"""Frame rate of pictures, which do not record one, Hz."""
 
 MAX_FRAMES_TRIED = 10
 """Largest number of frames tried to find one whose true disparity can be read."""
@@ -126,8 +123,7 @@ class StereoSequence:
 
     def first_readable(self, max_tried: int | None = None) -> StereoFrame | None:
         """Return the first undamaged frame, among the first `max_tried` if given; None if all are damaged."""
-        frames = map(self.readable, range(len(self))[:max_tried])
-        return next((frame for frame in frames if frame is not None), None)
+        return next(filter(None, map(self.readable, range(len(self))[:max_tried])), None)
 
 
 def rectified_sequence(
@@ -203,9 +199,8 @@ def _read_pictures(
     if names.right is None:
         raise ValueError(f"{Path(names.left).name} has no picture of the right camera.")
     left, right = (_read_picture(name, source_of, guard) for name in (names.left, names.right))
-    if names.truth is None:
-        return StereoFrame(left, right)
-    return StereoFrame(left, right, guard(partial(read_disparity, divisor=divisor))(source_of(names.truth)))
+    read_truth = guard(partial(read_disparity, divisor=divisor))
+    return StereoFrame(left, right, None if names.truth is None else read_truth(source_of(names.truth)))
 
 
 def _archived(archive: Path | Archive, name: str) -> bytes:
@@ -268,12 +263,10 @@ def _layout_of(pictures: Iterable[Callable[[], Image]]) -> tuple[Layout, bool] |
     """
     for read in pictures:
         try:
-            found = likely_layout(read())
-        except Anaglyph:
-            raise
+            picture = read()
         except (ValueError, OSError):  # a damaged frame
             continue
-        if found is not None:
+        if found := likely_layout(picture):
             return found
     return None
 

@@ -141,10 +141,8 @@ class VideoWriter:
             self._stream = self._add_stream(picture.shape[1], picture.shape[0])
             for _ in range(self._leading_blanks):
                 self.write_blank()
-        size = self._stream.width, self._stream.height
-        if (picture.shape[1], picture.shape[0]) != size:
-            picture = np.asarray(_fitted(picture, *size))
-        planes = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2YUV_I420), dtype=np.uint8)
+        fitted = _fitted(picture, self._stream.width, self._stream.height)
+        planes = np.asarray(cv2.cvtColor(fitted, cv2.COLOR_RGB2YUV_I420), dtype=np.uint8)
         frame = av.VideoFrame.from_ndarray(planes, format="yuv420p")
         frame.pts = self.frames
         self.frames += 1
@@ -180,15 +178,14 @@ class VideoWriter:
         stream.codec_context.color_range, stream.codec_context.colorspace = ColorRange.MPEG, Colorspace.ITU601
         # A fixed quantiser looks no worse than a constant rate factor (41 to 48 dB), which estimates a picture's cost.
         # With zero latency each picture is encoded before the next one arrives, and a piece ends with its second.
-        at_once: dict[str, str] = {"tune": "zerolatency"} if self._fragmented else {}
-        stream.options = {"preset": "ultrafast", "qp": "20", **at_once}
+        stream.options = {"preset": "ultrafast", "qp": "20", **({"tune": "zerolatency"} if self._fragmented else {})}
         return stream
 
 
 def _fitted(picture: Rgb, width: int, height: int) -> Rgb:
     """Return a picture at another size: cropped by a pixel to an even size, or scaled."""
     rows, cols = picture.shape[:2]
-    if (cols - width, rows - height) in ((0, 1), (1, 0), (1, 1)):
+    if cols - width in (0, 1) and rows - height in (0, 1):
         return np.ascontiguousarray(picture[:height, :width])
     return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
