@@ -43,7 +43,8 @@ from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
 from stereolag.io.sources import write_file
 from stereolag.loops.compilation import load_loader
-from stereolag.pair import ChangeCode, Pair, PairId, assemble_pair, read_views, upright
+from stereolag.pair import ChangeCode, Pair, PairId, assemble_pair, upright
+from stereolag.pair_sources import read_views
 from stereolag.stereo.compiling import few_rows
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 

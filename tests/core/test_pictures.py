@@ -17,7 +17,7 @@ from stereolag.figures.legends import FAR_TO_NEAR, with_legend
 from stereolag.figures.maps import image_into_map
 from stereolag.figures.pictures import disparity_range
 from stereolag.figures.templates import framed, match_close_up, score_map_png
-from stereolag.pair import example_pair
+from stereolag.pair_sources import example_pair
 from stereolag.samples import stereo_pairs
 from stereolag.templates import TemplateMatch
 from tests.app.uploads import texture
