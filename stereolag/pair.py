@@ -144,11 +144,6 @@ class PairId:
         return _joined_key(self.collection, self.size) if self.collection else self.exact
 
 
-def _is_unscaled(fitted: Calibration, calibration: Calibration) -> bool:
-    """Return whether a fitted calibration is the given one or one of its modes, and so was not scaled."""
-    return fitted is calibration or any(fitted is mode for mode in calibration.modes)
-
-
 def _joined_key(*parts: str) -> str:
     return " ".join(filter(None, parts))
 
@@ -333,7 +328,7 @@ def assemble_pair(
             "they must have the same size."
         )
     fitted = None if calibration is None else calibration_for(calibration, cols, rows)
-    if fitted is not None and calibration is not None and not _is_unscaled(fitted, calibration):
+    if calibration is not None and not any(fitted is given for given in (calibration, *calibration.modes)):
         sentences.append(f"The calibration was scaled to {cols} × {rows} pixels.")
     return Pair(
         *images,
@@ -506,13 +501,17 @@ def rectified(pair: Pair, rows: Rows = Rows.DECIDE, alpha: float | None = None, 
     )
     done = rows is Rows.RAW or (rows is Rows.DECIDE and not evidence.already_rectified)
     decision = RectificationDecision(done, rows is not Rows.DECIDE, done and pair.truth is not None, alpha, evidence)
-    raw = (pair.raw or pair) if done else None
-    pair = replace(pair, calibration=corrected.calibration, rectification=decision, raw=raw)
-    images: dict[str, Any] = {}
+    changed: dict[str, Any] = {"calibration": corrected.calibration, "rectification": decision, "raw": None}
     if done:
-        images = {"left": corrected.left, "right": corrected.right, "truth": None, "visible": None}
-        images["id"] = replace(pair.id, rectification=f"rectified {_fingerprint(rig, alpha)}")
-    return pair.after(ChangeCode.RECTIFIED, decision.in_words(), **images)
+        changed |= {
+            "left": corrected.left,
+            "right": corrected.right,
+            "truth": None,
+            "visible": None,
+            "id": replace(pair.id, rectification=f"rectified {_fingerprint(rig, alpha)}"),
+            "raw": pair.raw or pair,
+        }
+    return pair.after(ChangeCode.RECTIFIED, decision.in_words(), **changed)
 
 
 def _fingerprint(rig: StereoRig, alpha: float | None) -> str:
@@ -533,9 +532,8 @@ def _apply_remedy(pair: Pair, remedy: Remedy) -> Pair:
     treated = replace(pair.id, remedies=(*pair.id.remedies, remedy))
     if remedy is Remedy.TURN_UPRIGHT:
         quarters = quarters_upright(find_views(find_correspondences(pair.left, pair.right)))
-        arrays = _all_turned(pair, quarters)
-        sentence = REMEDIES_DONE[remedy]
-        return pair.after(remedy, sentence, **arrays, id=treated, calibration=None, turn=pair.turn + quarters)
+        turned_pair = replace(pair, **_all_turned(pair, quarters), turn=pair.turn + quarters)
+        return turned_pair.after(remedy, REMEDIES_DONE[remedy], id=treated, calibration=None)
     left, right = apply_remedy(pair.left, pair.right, remedy)
     sentence, truth, visible = REMEDIES_DONE[remedy], pair.truth, pair.visible
     if remedy in TRUTH_DROPPED:

@@ -48,32 +48,31 @@ def run(arguments: Sequence[str]) -> int:
     numbers = options.channels or (first.numbers[0], (*second.numbers, 2)[second is first])
     channels = _channel(first, numbers[0], names[0]), _channel(second, numbers[1], names[1])
     apart = start_difference_s(*channels)
-    rate = settings.sampling_rate
     assumed = {"speed", "sampling_rate"} - vars(options).keys()
     if "sampling_rate" in assumed:
         channels = at_one_rate(*channels)
         stated = next((one.sampling_rate for one in channels if one.sampling_rate), None)
         if stated:
-            rate, assumed = stated, assumed - {"sampling_rate"}
-            settings = settings.model_copy(update={"sampling_rate": rate})
+            assumed -= {"sampling_rate"}
+            settings = settings.model_copy(update={"sampling_rate": stated})
     facts = [
-        _facts(one, name, number, count, rate)
+        _facts(one, name, number, count, settings.sampling_rate)
         for one, name, number, count in zip(
             channels, names, numbers, (first.highest_channel, second.highest_channel), strict=True
         )
     ]
     one, other = (checked_signal(one.channels[0], name) for one, name in zip(channels, names, strict=True))
     result = sl.signal_lag(one, other, **settings.model_dump(), seed=0)
-    figures = lag_figures(result, settings, assumed) | {"recordings": facts, "starts_apart_s": apart}
     doubt = duplicate_warning(*channels)
-    figures |= {"doubts": [doubt] if doubt else []}
+    figures = lag_figures(result, settings, assumed)
+    figures |= {"recordings": facts, "starts_apart_s": apart, "doubts": [doubt] if doubt else []}
     words = _in_words(result, settings, facts, assumed) + (f"\ndoubtful: {doubt}" if doubt else "")
     clocks = f"\nBy their own clocks, the second recording begins {apart:+.6g} s after the first." if apart else ""
     print_result(figures, words + clocks, as_json=options.json)
     if options.aligned:
         from stereolag.io.recordings import write_aligned
 
-        write_aligned(options.aligned, options.aligned.suffix.lower(), one, other, result, rate)
+        write_aligned(options.aligned, options.aligned.suffix.lower(), one, other, result, settings.sampling_rate)
     return DOUBTFUL if doubt or result.verdict != "sure" else DONE
 
 

@@ -76,9 +76,9 @@ def calibration_sentences(calibration: Calibration | None) -> tuple[str, ...]:
 
 def metres_are_doubtful(calibration: Calibration | None, options: argparse.Namespace) -> bool:
     """Return whether a calibration is implausible for a stereo camera, and neither file nor user states its unit."""
-    if calibration is None or options.trust or options.unit:
-        return False
-    return not (calibration.plausible or calibration.unit_stated)
+    return calibration is not None and not (
+        options.trust or options.unit or calibration.plausible or calibration.unit_stated
+    )
 
 
 def add_layout(parser: argparse.ArgumentParser) -> None:

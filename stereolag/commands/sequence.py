@@ -253,5 +253,4 @@ def _in_words(figures: dict[str, Any]) -> list[str]:
         f"{figures['frames_per_second']:.1f} a second{before}{damaged}"
     )
     to = figures["out"] if figures["video"] is None else f"{figures['out']}, {figures['video']}"
-    doubts = [f"doubtful: {finding['sentence']}" for finding in figures["findings"]]
-    return [said, f"written to {to}", *doubts]
+    return [said, f"written to {to}", *(f"doubtful: {finding['sentence']}" for finding in figures["findings"])]

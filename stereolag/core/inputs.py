@@ -336,11 +336,9 @@ def with_border_transparent(image: Image) -> Image:
         return image
     lightest = image if image.ndim == 2 else image.max(axis=2)
     count, labels, sizes, _ = cv2.connectedComponentsWithStats((lightest == 0).astype(np.uint8), connectivity=8)
-    at_rim = np.zeros(count, np.bool_)
-    for line in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
-        at_rim[line] = True
+    rim_labels = np.concatenate((labels[0], labels[-1], labels[:, 0], labels[:, -1]))
+    at_rim = np.isin(np.arange(count), rim_labels) & (sizes[:, cv2.CC_STAT_AREA] >= MIN_BORDER_PIXELS)
     at_rim[0] = False  # the label of all other pixels
-    at_rim &= sizes[:, cv2.CC_STAT_AREA] >= MIN_BORDER_PIXELS
     border = at_rim[labels]
     if not border.any() or border.all():
         return image

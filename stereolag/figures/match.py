@@ -185,21 +185,17 @@ def score_row(match: MatchExplanation, right: Image, others: Mapping[str, float]
 
 def sub_pixel_fit(match: MatchExplanation) -> go.Figure:
     """Return the scores near a peak that is not at the edge, with the fitted curve, whose maximum is the disparity."""
-    figure = go.Figure()
     assert match.peak is not None
     near = np.abs(match.dx - match.peak[1]) <= FIT_REACH_PX
     fine = np.linspace(-1.5, 1.5, 121)
-    curve = match.fit(fine)
-    figure.add_trace(_line(-(match.peak[1] + fine), curve, PEAK, "fit"))
-    figure.add_trace(
-        go.Scatter(
-            x=-match.dx[near],
-            y=match.row[near].astype(np.float32),
-            mode="markers",
-            marker={"color": CORRELATION, "size": 10},
-            hovertemplate="%{x} px: %{y}<extra></extra>",
-        )
+    scores = go.Scatter(
+        x=-match.dx[near],
+        y=match.row[near].astype(np.float32),
+        mode="markers",
+        marker={"color": CORRELATION, "size": 10},
+        hovertemplate="%{x} px: %{y}<extra></extra>",
     )
+    figure = go.Figure([_line(-(match.peak[1] + fine), match.fit(fine), PEAK, "fit"), scores])
     figure.add_vline(
         x=match.disparity,
         line={"color": PEAK, "width": 2},
@@ -386,8 +382,8 @@ def overlap_figure(image: Image, grid: WindowGrid) -> go.Figure:
     own_centre = grid.middle.row + half, grid.middle.col + half
     centres = [(row + half, col + half) for row in rows for col in cols]
     small = 3 if max(rows.size, cols.size) > MANY_DOTS else 4
-    figure.add_trace(_dots([at for at in centres if at != own_centre], small, "centre of a window"))
-    figure.add_trace(_dots([own_centre], 10, "centre of the window chosen"))
+    others = _dots([at for at in centres if at != own_centre], small, "centre of a window")
+    figure.add_traces([others, _dots([own_centre], 10, "centre of the window chosen")])
     axis = {"showgrid": False, "zeroline": False, "constrain": "domain"}
     x = {"title": "column, px", "range": [left, left + part.width], **axis}
     y = {"title": "row, px", "range": [top + part.height, top], "scaleanchor": "x", **axis}
