@@ -128,8 +128,8 @@ def rectified_as_requested(
     if decision is None:
         return pair, ()
     rows = decision.evidence
-    why = f"rows differ by {rows.given_px:.2g} px, rectified by {rows.rectified_px:.2g} px"
-    why = "as you said" if decision.chosen else why
+    measured = f"rows differ by {rows.given_px:.2g} px, rectified by {rows.rectified_px:.2g} px"
+    why = "as you said" if decision.chosen else measured
     if decision.done and options.truth is not None:
         raise ValueError(
             f"{raw} ({why}) and the ground truth belongs to them before rectification: leave out --truth or "

@@ -62,12 +62,11 @@ def point_cloud(points: Points, colours: Colours, unit: str, *, turned: float = 
         )
     )
     low, high = np.minimum(drawn.min(axis=0), 0, dtype=np.float64), np.maximum(drawn.max(axis=0), 0, dtype=np.float64)
-    distance = float(np.median(points[:, 2]))
     scene = {
         "xaxis": _axis(f"X, {unit}", low[0], high[0]),
         "yaxis": _axis(f"distance, {unit}", low[1], high[1]),
         "zaxis": _axis(f"height, {unit}", low[2], high[2]),
-        "camera": _camera(low, high, distance, np.radians(turned), np.radians(raised)),
+        "camera": _camera(low, high, float(np.median(points[:, 2])), np.radians(turned), np.radians(raised)),
         # The longest side is 2, and the scale the same in every direction.
         "aspectmode": "manual",
         "aspectratio": dict(zip("xyz", (2 * (high - low) / (high - low).max()).tolist(), strict=True)),

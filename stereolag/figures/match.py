@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -159,14 +160,16 @@ def score_row(match: MatchExplanation, right: Image, others: Mapping[str, float]
     figure.add_trace(grey, row=1, col=1)
     figure.add_trace(_line(-match.dx, match.row, CORRELATION, "score", markers=match.dx.size <= 96), row=2, col=1)
     low, high = _score_range(match)
-    for number, (name, disparity) in enumerate(others.items()):
-        line = {"color": OTHER_COLOURS[number % len(OTHER_COLOURS)], "width": 2, "dash": DASHES[number % len(DASHES)]}
-        ends = {"x": [disparity] * 2, "y": [low, high]}
-        figure.add_trace(
-            go.Scatter(**ends, mode="lines", line=line, name=typeset(f"{name} {disparity:.2f} px"), hoverinfo="skip"),
-            row=2,
-            col=1,
+    for (name, disparity), colour, dash in zip(others.items(), cycle(OTHER_COLOURS), cycle(DASHES), strict=False):
+        other = go.Scatter(
+            x=[disparity] * 2,
+            y=[low, high],
+            mode="lines",
+            line={"color": colour, "width": 2, "dash": dash},
+            name=typeset(f"{name} {disparity:.2f} px"),
+            hoverinfo="skip",
         )
+        figure.add_trace(other, row=2, col=1)
     for at, score, colour, name, side in _peaks(match):
         if match.peak and at[0] == match.peak[0]:
             label = {"text": [typeset(f"{name} {score:.3f}")], "textfont": {"color": colour, "size": 13}}

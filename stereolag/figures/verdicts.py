@@ -166,8 +166,6 @@ NUMBER_WORDS = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Ei
 
 def headline(result: TemplateSearch) -> str:
     """Return the result in one line."""
-    if result.best is None:
-        return "Not found"
     if result.found:
         best, remark = result.matches[0], REMARKS.get(result.reason, "")
         if result.clear > 1:

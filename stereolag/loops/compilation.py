@@ -100,8 +100,13 @@ class Loop(Deferred):
         self.py_func = function
         self._parameters, self._defaults = function.__code__.co_argcount, function.__defaults__ or ()
         self._code: dict[Hashable, Callable[..., Any]] = {}
-        options = {"nogil": True, "error_model": "numpy", "fastmath": set(fastmath), "no_cfunc_wrapper": True}
-        options["_nrt"] = counted
+        options: dict[str, Any] = {
+            "nogil": True,
+            "error_model": "numpy",
+            "fastmath": set(fastmath),
+            "no_cfunc_wrapper": True,
+            "_nrt": counted,
+        }
         super().__init__(lambda: numba_inside.numba(Deferred).njit(no_cpython_wrapper=True, **options)(function))
         self.for_python = cache(lambda: numba_inside.numba(Deferred).njit(**options)(function))
 

@@ -296,10 +296,13 @@ def _define_operator(symbol: Callable[[Any, Any], Any], integers: str, floats: s
     lower_builtin(symbol, Lanes, Lanes)(generate)  # type: ignore[no-untyped-call]
 
 
-_define_operator(operator.add, "add", "fadd")
-_define_operator(operator.sub, "sub", "fsub")
-_define_operator(operator.mul, "mul", "fmul")
-_define_operator(operator.and_, "and_", None)
-_define_operator(operator.or_, "or_", None)
-_define_operator(operator.xor, "xor", None)
-_define_operator(operator.rshift, "lshr", None)
+for symbol, integers, floats in (
+    (operator.add, "add", "fadd"),
+    (operator.sub, "sub", "fsub"),
+    (operator.mul, "mul", "fmul"),
+    (operator.and_, "and_", None),
+    (operator.or_, "or_", None),
+    (operator.xor, "xor", None),
+    (operator.rshift, "lshr", None),
+):
+    _define_operator(symbol, integers, floats)
