@@ -122,8 +122,15 @@ def read(reader: Callable[..., T], *paths: str | None, **options: Any) -> T:
 
 def add_frames(parser: argparse.ArgumentParser, first: str, second: str) -> None:
     """Add the flag that chooses a frame of each of two images to a parser."""
-    frames = f"which frame of {first} and of {second}, where a GIF, WEBP, PNG or TIFF holds several: its number, from 1"
-    parser.add_argument("--frames", type=int, nargs=2, metavar=("A", "B"), default=(1, 1), help=frames)
+    parser.add_argument(
+        "--frames",
+        type=int,
+        nargs=2,
+        metavar=("A", "B"),
+        default=(1, 1),
+        help=f"which frame of {first} and of {second}, where a GIF, WEBP, PNG or TIFF holds several: "
+        "its number, from 1",
+    )
 
 
 def read_frames(paths: Sequence[str], numbers: Sequence[int]) -> tuple[list[Image], list[dict[str, Any]], list[str]]:

@@ -101,8 +101,9 @@ def run(arguments: Sequence[str]) -> int:
 
 def _add_files(parser: CommandParser) -> None:
     """Add the arguments for the files of a pair and the output of its map to a parser."""
-    kinds = "PNG, JPEG, HEIC, AVIF, WEBP, BMP, TIFF, PPM, PGM or GIF"
-    parser.add_argument("left", metavar="LEFT", help=f"the left image: {kinds}")
+    parser.add_argument(
+        "left", metavar="LEFT", help="the left image: PNG, JPEG, HEIC, AVIF, WEBP, BMP, TIFF, PPM, PGM or GIF"
+    )
     parser.add_argument(
         "right",
         metavar="RIGHT",

@@ -29,10 +29,19 @@ def run(arguments: Sequence[str]) -> int:
     parser.add_argument("first", metavar="FIRST", help="the first recording, or one of both channels")
     parser.add_argument("second", metavar="SECOND", nargs="?", help="the second recording")
     parser.add_argument("--channels", type=int, nargs=2, metavar=("A", "B"), help="which channel of each, from 1")
-    tracks = "which audio track of each, or array of an NPZ or MAT file: its number, from 1, or its name"
-    parser.add_argument("--tracks", nargs=2, metavar=("A", "B"), default=("1", "1"), help=tracks)
-    aligned = "write the second recording on the clock of the first: WAV or CSV, lag, drift and steps undone"
-    parser.add_argument("--aligned", type=Path, metavar="FILE", help=aligned)
+    parser.add_argument(
+        "--tracks",
+        nargs=2,
+        metavar=("A", "B"),
+        default=("1", "1"),
+        help="which audio track of each, or array of an NPZ or MAT file: its number, from 1, or its name",
+    )
+    parser.add_argument(
+        "--aligned",
+        type=Path,
+        metavar="FILE",
+        help="write the second recording on the clock of the first: WAV or CSV, lag, drift and steps undone",
+    )
     options, settings = SettingsFlags(parser, LagSearch()).parsed(arguments)
     if options.aligned and options.aligned.suffix.lower() not in (".wav", ".csv"):
         parser.error(f"--aligned is {options.aligned}; its name ends in .wav or .csv.")
@@ -160,12 +169,10 @@ def _in_words(result: sl.SignalLag, settings: LagSearch, facts: list[dict[str, A
     lines.append(f"verdict   {judgement.verdict}: {_REASONS[judgement.reason]}")
     if result.begins_again_at is not None:
         lines.append(f"values    wrap around every {result.begins_again_at:.4g}: their steps were compared")
-    if over_time is not None and over_time.changes:
-        lines.append(f"over time {over_time_in_words(over_time, rate)}")
-    elif over_time is not None:
-        lines.append(f"clocks    {over_time.ppm:+.2f} ppm, ± {over_time.error_ppm:.1g}: no drift")
     if over_time is not None:
-        lines.append(f"doubt     ± {over_time.spread:.2g} samples, over {over_time.blocks} blocks")
+        steady = f"clocks    {over_time.ppm:+.2f} ppm, ± {over_time.error_ppm:.1g}: no drift"
+        changes = f"over time {over_time_in_words(over_time, rate)}" if over_time.changes else steady
+        lines += [changes, f"doubt     ± {over_time.spread:.2g} samples, over {over_time.blocks} blocks"]
     if len(result.arrivals) > 1:
         lines.append("arrivals  " + ", ".join(f"{round(one.lag)} ({one.sigma:.1f} σ)" for one in result.arrivals))
     return "\n".join([*lines, *(_fact_line(each, rate) for each in facts)])

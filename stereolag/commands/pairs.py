@@ -208,9 +208,10 @@ def _add_choice(parser: CommandParser, default_preset: PresetName) -> None:
     ).add_mutually_exclusive_group()
     meanings = " ".join(f"{name}: {preset.meaning}" for name, preset in PRESETS.items())
     sources.add_argument("--preset", choices=[*PRESETS], help=f"{meanings} (default: {default_preset})")
-    names = [kind.short_name for kind in METHODS]
-    titles = "; ".join(f"{kind.short_name}: {kind.title}" for kind in METHODS)
-    sources.add_argument("--method", choices=names, help=f"a method with its own defaults: {titles}")
+    titles = {kind.short_name: f"{kind.short_name}: {kind.title}" for kind in METHODS}
+    sources.add_argument(
+        "--method", choices=[*titles], help=f"a method with its own defaults: {'; '.join(titles.values())}"
+    )
     sources.add_argument(
         "--settings", metavar="FILE.json", help="settings of a file, as the depth page or --out writes it"
     )

@@ -84,9 +84,8 @@ def run(arguments: Sequence[str]) -> int:
     findings = findings_as_figures(diagnosis)
     sequence = replace(sequence, findings=() if diagnosis is None else diagnosis.doubts)
     matchers = _matchers(matcher, options)
-    hidden = options.json or not sys.stderr.isatty()
     try:
-        with tqdm(unit="frame", disable=hidden, dynamic_ncols=True) as bar:
+        with tqdm(unit="frame", disable=options.json or not sys.stderr.isatty(), dynamic_ncols=True) as bar:
             result = run_sequence(
                 sequence,
                 matchers,

@@ -46,8 +46,7 @@ def checked_signal(value: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
     """
     try:
         # Masked values are not samples: as plain arrays, they would be arbitrary numbers.
-        is_masked = np.ma.is_masked(value)
-        given = np.asarray(np.ma.filled(np.ma.asarray(value, np.float64), np.nan) if is_masked else value)
+        given = np.asarray(np.ma.asarray(value, np.float64).filled(np.nan) if np.ma.is_masked(value) else value)
         if np.iscomplexobj(given):
             raise ValueError("a recording is real, and these are complex")
         signal = given if given.dtype.kind in "iuf" else given.astype(np.float64)

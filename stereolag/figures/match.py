@@ -369,7 +369,6 @@ def overlap_figure(image: Image, grid: WindowGrid) -> go.Figure:
         layer="below",
     )
     for row, col in grid.neighbours():
-        own = (row, col) == (grid.middle.row, grid.middle.col)
         figure.add_shape(
             type="rect",
             x0=col - 0.5,
@@ -377,7 +376,7 @@ def overlap_figure(image: Image, grid: WindowGrid) -> go.Figure:
             y0=row - 0.5,
             y1=row + size - 0.5,
             fillcolor=WINDOW_FILL,
-            line={"color": WINDOW_COLOUR, "width": 4 if own else 1.5},
+            line={"color": WINDOW_COLOUR, "width": 4 if (row, col) == (grid.middle.row, grid.middle.col) else 1.5},
             layer="between",
         )
     half = (size - 1) / 2
