@@ -92,8 +92,7 @@ def run(arguments: Sequence[str]) -> int:
         sl.write_depth(options.depth, pair.calibration.depth(result.disparity))
         figures["depth"] = str(options.depth)
     if options.out is not None:
-        wanted = _files_of(pair, result, far_is_bright=options.preset == "report")
-        files, left_out = _written(Path(options.out), wanted)
+        files, left_out = _written(Path(options.out), _files_of(pair, result, far_is_bright=options.preset == "report"))
         figures |= {"out": options.out, "files": files, "left_out": left_out}
     print_result(figures, "\n".join([*notes, *_in_words(figures, pair)]), as_json=options.json)
     return DOUBTFUL if figures["findings"] or metres_are_doubtful(pair.calibration, options) else DONE
@@ -175,8 +174,7 @@ def _read_pair(options: argparse.Namespace) -> tuple[Pair, tuple[str, ...]]:
         stored = read(read_stored_disparity, options.truth)
         truth, about_truth = truth_in_px(stored, left, right, options.truth_divisor)
         lines = (*lines, *filter(None, (about_truth,)))
-    calibration = requested_calibration(options)
-    pair = assemble_pair(left, right, truth, calibration, id=PairId(options.left))
+    pair = assemble_pair(left, right, truth, requested_calibration(options), id=PairId(options.left))
     pair, on_rectification = rectified_as_requested(pair, options, *WORDING)
     turned = [change.sentence for change in pair.changes if change.code is ChangeCode.TURNED]
     return pair, (*lines, *calibration_sentences(pair.calibration), *turned, *on_rectification)

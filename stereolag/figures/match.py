@@ -156,8 +156,11 @@ def score_row(match: MatchExplanation, right: Image, others: Mapping[str, float]
     figure = make_subplots(
         rows=2, shared_xaxes=True, vertical_spacing=0.03, row_heights=[strip_height / height, ROW_HEIGHT_PX / height]
     )
-    grey = go.Heatmap(z=strip, x=middle, y=np.arange(size), colorscale="gray", showscale=False, hoverinfo="skip")
-    figure.add_trace(grey, row=1, col=1)
+    figure.add_trace(
+        go.Heatmap(z=strip, x=middle, y=np.arange(size), colorscale="gray", showscale=False, hoverinfo="skip"),
+        row=1,
+        col=1,
+    )
     figure.add_trace(_line(-match.dx, match.row, CORRELATION, "score", markers=match.dx.size <= 96), row=2, col=1)
     low, high = _score_range(match)
     for (name, disparity), colour, dash in zip(others.items(), cycle(OTHER_COLOURS), cycle(DASHES), strict=False):

@@ -148,8 +148,10 @@ def _drawing(
     if picture is None:
         return Drawing(f"<div>{lines}</div>", None)
     png = _png(picture)
-    shown = f'<img src="{data_url(png)}" alt="{html.escape(typeset(alternative.replace("**", "")))}"'
-    shown += f' width="{picture.shape[1] // zoom}" style="max-width: 100%; height: auto">'
+    shown = (
+        f'<img src="{data_url(png)}" alt="{html.escape(typeset(alternative.replace("**", "")))}"'
+        f' width="{picture.shape[1] // zoom}" style="max-width: 100%; height: auto">'
+    )
     return Drawing(f"<div>{lines}{shown}{f'<p><small>{_bold(note)}</small></p>' if note else ''}</div>", png)
 
 

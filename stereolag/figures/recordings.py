@@ -225,10 +225,9 @@ def _add_ribbon(figure: go.Figure, result: SignalLag, weight: Vector) -> None:
     band = band_of_chance(result)
     if band is None or result.lags is None:
         return
-    low, high = band
     kept = np.unique(np.linspace(0, result.lags.size - 1, RIBBON_POINTS).astype(np.int64))
     lags = result.lags[kept].astype(np.int32)
-    lower, upper = (np.clip(level / weight[kept], -1, 1).astype(np.float32) for level in (low, high))
+    lower, upper = (np.clip(level / weight[kept], -1, 1).astype(np.float32) for level in band)
     figure.add_trace(
         go.Scatter(
             x=np.concatenate((lags, lags[::-1])),
