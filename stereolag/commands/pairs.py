@@ -193,11 +193,10 @@ class MatcherFlags(SettingsFlags[StereoMatcher]):
         if diagnosis is not None:
             known = known or diagnosis.suggested_range
         initial = self.settings.search_range()
-        chosen = initial is None or options.settings is not None or matcher.search_range() != initial
         # Flags may also give the numbers that the settings begin with.
         flags = {name.rpartition(".")[2].replace("_", "-") for name in vars(options)}
-        chosen = chosen or not flags.isdisjoint(SHORTCUTS.values())
-        if known is not None and not chosen:
+        chosen = options.settings is not None or not flags.isdisjoint(SHORTCUTS.values())
+        if known is not None and not chosen and initial is not None and matcher.search_range() == initial:
             matcher = matcher.with_search_range(*known)
         return matcher, diagnosis and diagnosis.over(matcher.search_range())
 

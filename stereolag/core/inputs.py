@@ -117,23 +117,24 @@ def _with_gaps(image: Image, name: str) -> Image:
 
 
 def _as_pixel_type(image: Image, name: str) -> Image:
-    if image.dtype in (np.uint8, np.uint16):
-        return image
-    if image.dtype == np.bool_:
-        return image.astype(np.uint8) * 255
-    if np.issubdtype(image.dtype, np.integer):
-        low, high = int(image.min()), int(image.max())
-        if low < 0 or high > 65535:
-            raise ValueError(f"{name} holds integers from {low} to {high}; allowed are 0 to 65535, or floats.")
-        return image.astype(np.uint8 if high < 256 else np.uint16)
-    if np.issubdtype(image.dtype, np.floating):
-        if image.dtype not in (np.float32, np.float64):
-            with np.errstate(over="ignore"):  # values too large for float64 are counted below
-                image = image.astype(np.float32 if image.dtype == np.float16 else np.float64)
-        bad = image.size - int(np.isfinite(image).sum())
-        if bad:
-            raise ValueError(f"{name} holds {bad} NaN or infinite pixels; every pixel must be a finite number.")
-        return image
+    match image.dtype.kind:
+        case _ if image.dtype in (np.uint8, np.uint16):
+            return image
+        case "b":
+            return image.astype(np.uint8) * 255
+        case "i" | "u":
+            low, high = int(image.min()), int(image.max())
+            if low < 0 or high > 65535:
+                raise ValueError(f"{name} holds integers from {low} to {high}; allowed are 0 to 65535, or floats.")
+            return image.astype(np.uint8 if high < 256 else np.uint16)
+        case "f":
+            if image.dtype not in (np.float32, np.float64):
+                with np.errstate(over="ignore"):  # values too large for float64 are counted below
+                    image = image.astype(np.float32 if image.dtype == np.float16 else np.float64)
+            bad = image.size - int(np.isfinite(image).sum())
+            if bad:
+                raise ValueError(f"{name} holds {bad} NaN or infinite pixels; every pixel must be a finite number.")
+            return image
     raise ValueError(f"{name} has type {image.dtype}; allowed are uint8, uint16 and float.")
 
 

@@ -136,14 +136,15 @@ def cast(typing: Any, lanes: Any, dtype: Any) -> Any:
 
 def _conversion(source: Any, target: Any) -> str:
     """Return the name of LLVM's instruction; narrower integers keep their low bits."""
-    from_integer, to_integer = isinstance(source, types.Integer), isinstance(target, types.Integer)
-    if from_integer and to_integer:
-        return "trunc" if target.bitwidth < source.bitwidth else "sext" if source.signed else "zext"
-    if from_integer:
-        return "sitofp" if source.signed else "uitofp"
-    if to_integer:
-        return "fptosi"
-    return "fptrunc" if target.bitwidth < source.bitwidth else "fpext"
+    match is_integer(source), is_integer(target):
+        case True, True:
+            return "trunc" if target.bitwidth < source.bitwidth else "sext" if source.signed else "zext"
+        case True, False:
+            return "sitofp" if source.signed else "uitofp"
+        case False, True:
+            return "fptosi"
+        case _:
+            return "fptrunc" if target.bitwidth < source.bitwidth else "fpext"
 
 
 def _function(builder: Any, name: str, result: Any, *arguments: Any) -> Any:
