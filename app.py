@@ -9,7 +9,7 @@ from stereolag.figures.maps import image_into_map
 from stereolag.figures.pictures import disparity_range
 from stereolag.figures.templates import match_close_up
 from stereolag.figures.verdicts import place
-from stereolag.pair import example_pair
+from stereolag.pair_sources import example_pair
 from stereolag.signals import signal_lag
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.templates import match_template

@@ -1,4 +1,4 @@
-"""A stereo pair: the facts about it, how it is assembled from files, and how it is prepared for matching.
+"""A stereo pair: the facts about it, how it is assembled from its parts, and how it is prepared for matching.
 
 The depth page, the driving page and the commands work alike: :func:`assemble_pair` makes a :class:`Pair` from images,
 ground truth and calibration; :func:`prepare` resizes it, rectifies it and applies remedies, each step in a separate
@@ -12,15 +12,15 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import cache, partial
-from typing import TYPE_CHECKING, Any, Protocol, Self, TypeAlias, TypeVar
+from functools import partial
+from typing import Any, Protocol, Self, TypeVar
 
 import cv2
 import numpy as np
 
 from stereolag.assess.diagnosis import apply_remedy, quarters_upright
 from stereolag.assess.findings import Remedy
-from stereolag.assess.layout import Layout, find_views, in_words, likely_layout, views
+from stereolag.assess.layout import find_views
 from stereolag.assess.orientation import RowEvidence, find_correspondences, row_evidence
 from stereolag.core.arrays import FloatMap, Mask
 from stereolag.core.inputs import Image, as_stereo_pair
@@ -35,16 +35,6 @@ from stereolag.geometry.rectification import (
     scaled_image,
     turned,
 )
-from stereolag.io.disparities import read_disparity, read_stored_disparity
-from stereolag.io.ground_truth import truth_in_px
-from stereolag.io.guard import Guard, guarded, unguarded
-from stereolag.io.images import read_frame, read_image
-from stereolag.io.sources import MAX_BYTES, Source, escape, is_archive, quote, read_archive, read_bytes
-
-if TYPE_CHECKING:  # a command loads only what it reads
-    from stereolag.io.pairing import PairFiles
-    from stereolag.io.sessions import Session
-    from stereolag.samples import StereoExample
 
 T = TypeVar("T")
 
@@ -56,10 +46,6 @@ SAME_PICTURE = "Left and right are the same image: every disparity is 0, and the
 ONE_DEPTH = (
     "One image has 8 bits per channel and the other 16: both were scaled to 16 bits, black at 0 and white at 65535, so "
     "that their mean brightness agrees best."
-)
-NO_PAIRS = (
-    "None of these files are a pair: the names of its two images must differ in the side, as in left.png and "
-    "right.png, im0.png and im1.png, or left/5.png and right/5.png."
 )
 REMEDIES_DONE = {
     Remedy.MIRROR_RIGHT: "The right image was mirrored.",
@@ -156,11 +142,6 @@ class PairId:
     def judged(self) -> str:
         """The key of the images on which settings are judged: these or, for a set, the whole set at this size."""
         return _joined_key(self.collection, self.size) if self.collection else self.exact
-
-
-def _is_unscaled(fitted: Calibration, calibration: Calibration) -> bool:
-    """Return whether a fitted calibration is the given one or one of its modes, and so was not scaled."""
-    return fitted is calibration or any(fitted is mode for mode in calibration.modes)
 
 
 def _joined_key(*parts: str) -> str:
@@ -303,50 +284,6 @@ def no_memo(step: str, make: Callable[[], T], pair: Pair, settings: str) -> T:
     return make()
 
 
-class OneView(ValueError):  # noqa: N818
-    """A picture that shows only one view."""
-
-
-def read_views(source: Source, layout: Layout | None = None, *, guard: Guard = unguarded) -> tuple[Image, Image, str]:
-    """Return the left and the right view of one picture, and a sentence about how it was divided.
-
-    Parameters
-    ----------
-    source
-        An MPO, a spatial photo of a phone (HEIC), or another file of two frames; or one picture with both views, such
-        as JPS and PNS.
-    layout
-        How the views are arranged in it, the left one first; None: two frames, or found from the picture itself.
-    guard
-        :func:`~stereolag.io.guard.guarded` to decode untrusted files in the guard process.
-
-    Raises
-    ------
-    OneView
-        A picture that shows only one view.
-    ValueError
-        A file that is refused, or an anaglyph.
-    """
-    data = read_bytes(source, "image")
-    first = guard(read_frame)(data, 1)
-    if first.count == 2 and layout is None:
-        return (
-            first.pixels,
-            guard(read_frame)(data, 2).pixels,
-            "The image holds two frames: the left view, and the right.",
-        )
-    return likely_views(first.pixels, layout)
-
-
-def likely_views(image: Image, layout: Layout | None = None) -> tuple[Image, Image, str]:
-    """Return the left and the right view in an image, and a sentence about it; raise as :func:`read_views`."""
-    found = likely_layout(image) if layout is None else (layout, False)
-    if found is None:
-        raise OneView("The image holds one view, as far as is to be seen: give the other one too, or their layout.")
-    left, right = views(image, found[0], crossed=found[1])
-    return left, right, in_words(image, found[0], crossed=found[1])
-
-
 def assemble_pair(
     left: Image,
     right: Image,
@@ -391,7 +328,7 @@ def assemble_pair(
             "they must have the same size."
         )
     fitted = None if calibration is None else calibration_for(calibration, cols, rows)
-    if fitted is not None and calibration is not None and not _is_unscaled(fitted, calibration):
+    if calibration is not None and not any(fitted is given for given in (calibration, *calibration.modes)):
         sentences.append(f"The calibration was scaled to {cols} × {rows} pixels.")
     return Pair(
         *images,
@@ -402,139 +339,6 @@ def assemble_pair(
         description=description,
         changes=tuple(Change(ChangeCode.ASSEMBLED, sentence) for sentence in sentences),
     )
-
-
-@cache
-def example_pair(example: StereoExample) -> Pair:
-    """Return a bundled pair."""
-    from stereolag.io.calibrations import read_calibration
-
-    return Pair(
-        read_image(example.left),
-        read_image(example.right),
-        PairId(f"pair {example.name}"),
-        truth=read_disparity(example.disparity),
-        visible=read_image(example.occlusion) == 0,
-        calibration=read_calibration(example.calibration),
-        num_disparities=example.num_disparities,
-        description=example.description,
-        shared=True,
-    )
-
-
-def session_pair(session: Session, digest: str) -> Pair:
-    """Return the pair of a saved session; its range is known and need not be found again."""
-    ranges = [found for matcher in session.matchers if (found := matcher.search_range()) is not None]
-    saved = session.document.pair
-    first, count = saved.min_disparity, saved.num_disparities
-    if count is None and ranges:
-        first, count = ranges[0]
-    return Pair(
-        session.left,
-        session.right,
-        PairId(digest),
-        truth=session.truth,
-        visible=session.visible,
-        calibration=session.calibration,
-        min_disparity=first,
-        num_disparities=count,
-        description=saved.description or OWN_PAIR,
-        changes=tuple(Change(ChangeCode.ASSEMBLED, sentence) for sentence in saved.history),
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class PairSet:
-    """Pairs in encoded files; a pair is decoded when it is needed.
-
-    Attributes
-    ----------
-    pairs
-        File names of each pair.
-    read
-        Returns the bytes of a named file.
-    digest
-        Identifies the set.
-    """
-
-    pairs: tuple[PairFiles, ...]
-    read: Callable[[str], bytes]
-    digest: str
-
-    def __len__(self) -> int:
-        """Return the number of pairs."""
-        return len(self.pairs)
-
-    def name(self, number: int) -> str:
-        """Return the name of a pair, escaped for display."""
-        return escape(self.pairs[number].name)
-
-    def pair(self, number: int) -> Pair:
-        """Decode one pair; its changes describe the decisions made.
-
-        Raises
-        ------
-        ValueError
-            The images cannot be read or do not fit together, or the ground truth does not fit them.
-        """
-        try:
-            return self._pair(self.pairs[number], PairId(f"{self.digest} {number}", collection=self.digest))
-        except ValueError as error:
-            raise ValueError(f"Pair {self.name(number)}: {error}") from error
-
-    def _pair(self, files: PairFiles, pair_id: PairId) -> Pair:
-        left, right = (guarded(read_image)(self.read(name)) for name in (files.left, files.right))
-        notes: list[str] = []
-        truth = calibration = None
-        if files.truth is not None:
-            stored = guarded(read_stored_disparity)(self.read(files.truth))
-            try:
-                truth, about_truth = truth_in_px(stored, left, right)
-                notes += filter(None, (about_truth,))
-            except ValueError as error:
-                notes.append(f"The pair’s ground truth is not used. {error}")
-        if files.calibrations:
-            from stereolag.io.calibrations import read_calibration
-
-            try:
-                calibration = guarded(read_calibration)(*map(self.read, files.calibrations))
-            except ValueError as error:
-                notes.append(f"The pair’s calibration is not used. {error}")
-        description = f"Pair “{escape(files.name)}”."
-        notes.append(f"{quote(files.left)} is the left image, {quote(files.right)} the right one.")
-        return assemble_pair(left, right, truth, calibration, id=pair_id, notes=notes, description=description)
-
-
-Bundle: TypeAlias = "Session | PairSet"
-"""The possible contents of an archive or of several files."""
-
-
-def read_bundle(files: Sequence[tuple[str, bytes]]) -> Bundle:
-    """Return the session or the pairs in an archive or in named files.
-
-    Raises
-    ------
-    ValueError
-        There is neither, or the files are too large.
-    """
-    from stereolag.io.pairing import matched_pairs
-    from stereolag.io.sessions import SESSION, read_session
-
-    digest = hashlib.sha256(b"".join(hashlib.sha256(data).digest() for _, data in files)).hexdigest()
-    if len(files) == 1 and is_archive(files[0][1]):
-        archive = read_archive(files[0][1])
-        if SESSION in archive.names:
-            return read_session(archive, guarded)
-        names, read = archive.names, archive.read
-    elif sum(len(data) for _, data in files) > MAX_BYTES:
-        raise ValueError(f"The files exceed {MAX_BYTES // 2**20} MB in total, the most that is accepted.")
-    else:
-        by_name = dict(files)
-        names, read = tuple(by_name), lambda name: by_name[name]
-    pairs = matched_pairs(names)
-    if not pairs:
-        raise ValueError(NO_PAIRS)
-    return PairSet(tuple(pairs), read, digest)
 
 
 @dataclass(frozen=True)
@@ -697,13 +501,17 @@ def rectified(pair: Pair, rows: Rows = Rows.DECIDE, alpha: float | None = None, 
     )
     done = rows is Rows.RAW or (rows is Rows.DECIDE and not evidence.already_rectified)
     decision = RectificationDecision(done, rows is not Rows.DECIDE, done and pair.truth is not None, alpha, evidence)
-    raw = (pair.raw or pair) if done else None
-    pair = replace(pair, calibration=corrected.calibration, rectification=decision, raw=raw)
-    images: dict[str, Any] = {}
+    changed: dict[str, Any] = {"calibration": corrected.calibration, "rectification": decision, "raw": None}
     if done:
-        images = {"left": corrected.left, "right": corrected.right, "truth": None, "visible": None}
-        images["id"] = replace(pair.id, rectification=f"rectified {_fingerprint(rig, alpha)}")
-    return pair.after(ChangeCode.RECTIFIED, decision.in_words(), **images)
+        changed |= {
+            "left": corrected.left,
+            "right": corrected.right,
+            "truth": None,
+            "visible": None,
+            "id": replace(pair.id, rectification=f"rectified {_fingerprint(rig, alpha)}"),
+            "raw": pair.raw or pair,
+        }
+    return pair.after(ChangeCode.RECTIFIED, decision.in_words(), **changed)
 
 
 def _fingerprint(rig: StereoRig, alpha: float | None) -> str:
@@ -724,9 +532,8 @@ def _apply_remedy(pair: Pair, remedy: Remedy) -> Pair:
     treated = replace(pair.id, remedies=(*pair.id.remedies, remedy))
     if remedy is Remedy.TURN_UPRIGHT:
         quarters = quarters_upright(find_views(find_correspondences(pair.left, pair.right)))
-        arrays = _all_turned(pair, quarters)
-        sentence = REMEDIES_DONE[remedy]
-        return pair.after(remedy, sentence, **arrays, id=treated, calibration=None, turn=pair.turn + quarters)
+        turned_pair = replace(pair, **_all_turned(pair, quarters), turn=pair.turn + quarters)
+        return turned_pair.after(remedy, REMEDIES_DONE[remedy], id=treated, calibration=None)
     left, right = apply_remedy(pair.left, pair.right, remedy)
     sentence, truth, visible = REMEDIES_DONE[remedy], pair.truth, pair.visible
     if remedy in TRUTH_DROPPED:

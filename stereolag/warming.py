@@ -25,7 +25,7 @@ import numpy as np
 from stereolag import CorrelationMatcher, SearchArea, match_template, optical_flow, preset, signal_lag
 from stereolag.core.inputs import Image
 from stereolag.loops.bands import available_cores
-from stereolag.loops.compilation import FOLDER, compile_alone
+from stereolag.loops.compilation import FOLDER, compile_alone, python_process
 from stereolag.loops.numba_inside import processor
 from stereolag.signals.correlation import SHORTEST_BLOCK
 from stereolag.stereo.finishing.stages import AmbiguityTest, LeftRightCheck
@@ -125,14 +125,8 @@ def compiling_the_rest() -> Iterator[None]:
     if FOLDER is None or _is_complete():
         yield
         return
-    command = [sys.executable, "-P", "-m", "stereolag.warming", "rest"]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    compiling = subprocess.Popen(command, stdin=subprocess.DEVNULL, env=environment)
-    try:
+    with python_process("-m", "stereolag.warming", "rest", stdin=subprocess.DEVNULL):
         yield
-    finally:
-        compiling.kill()
-        compiling.wait()
 
 
 def main(asked: Sequence[str]) -> None:

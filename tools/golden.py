@@ -271,6 +271,7 @@ def without_times(text: str) -> str:
     text = TIMES.sub(r'"\1": …', text)
     text = re.sub(r"\b[\d.,]+ (ms|s)\b", r"… \1", text)
     text = re.sub(r"\b[\d.,]+ a second\b", "… a second", text)
+    text = re.sub(r"(Computed in \*\*)[^*]+", r"\1…", text)
     return re.sub(r"stereolag \d+\.\d+(\.\d+)?", "stereolag …", text)
 
 
@@ -287,7 +288,7 @@ def written(data: bytes) -> Any:
     except UnicodeDecodeError:
         return plain(data)
     if text.startswith("number,"):
-        text = re.sub(r"^((?:[^,\n]*,){5})[^,\n]*", r"\1…", text, flags=re.MULTILINE)  # the milliseconds of each frame
+        text = re.sub(r"^((?:[^,\n]*,){6})[^,\n]*", r"\1…", text, flags=re.MULTILINE)  # the milliseconds of each frame
     if text.startswith("method,"):
         text = re.sub(r",[^,\n]*$", "", text, flags=re.MULTILINE)  # the last column is a time
     text = without_times(text)

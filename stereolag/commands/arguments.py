@@ -122,8 +122,15 @@ def read(reader: Callable[..., T], *paths: str | None, **options: Any) -> T:
 
 def add_frames(parser: argparse.ArgumentParser, first: str, second: str) -> None:
     """Add the flag that chooses a frame of each of two images to a parser."""
-    frames = f"which frame of {first} and of {second}, where a GIF, WEBP, PNG or TIFF holds several: its number, from 1"
-    parser.add_argument("--frames", type=int, nargs=2, metavar=("A", "B"), default=(1, 1), help=frames)
+    parser.add_argument(
+        "--frames",
+        type=int,
+        nargs=2,
+        metavar=("A", "B"),
+        default=(1, 1),
+        help=f"which frame of {first} and of {second}, where a GIF, WEBP, PNG or TIFF holds several: "
+        "its number, from 1",
+    )
 
 
 def read_frames(paths: Sequence[str], numbers: Sequence[int]) -> tuple[list[Image], list[dict[str, Any]], list[str]]:
@@ -213,20 +220,16 @@ class SettingsFlags(Generic[S]):
 def _check_stages(given: Mapping[str, Any], kind: type[BaseModel]) -> None:
     """Refuse a stage whose own flag is neither on nor off, or is off although its settings are given."""
     for name, field in kind.model_fields.items():
-        state = given.get(name)
-        if state is None or not nested(field):
+        if name not in given or not nested(field):
             continue
         inner = [setting for setting in given if setting.startswith(f"{name}.")]
-        example = next(iter(nested(field)[-1].model_fields))
-        if state not in (ON, NOTHING):
-            problem = (
-                f"{name} is {state!r}; its settings have flags of their own, such as {_flag(f'{name}.{example}')}."
-            )
-        elif state == NOTHING and inner:
+        if given[name] not in (ON, NOTHING):
+            example = _flag(f"{name}.{next(iter(nested(field)[-1].model_fields))}")
+            problem = f"{name} is {given[name]!r}; its settings have flags of their own, such as {example}."
+            raise SettingsError((Problem(name, problem),))
+        if given[name] == NOTHING and inner:
             problem = f"{name} is switched off, but {_flag(inner[0])} is given: leave one out."
-        else:
-            continue
-        raise SettingsError((Problem(name, problem),))
+            raise SettingsError((Problem(name, problem),))
 
 
 def _add_flags(

@@ -43,7 +43,8 @@ from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
 from stereolag.io.sources import write_file
 from stereolag.loops.compilation import load_loader
-from stereolag.pair import ChangeCode, Pair, PairId, assemble_pair, read_views, upright
+from stereolag.pair import ChangeCode, Pair, PairId, assemble_pair, upright
+from stereolag.pair_sources import read_views
 from stereolag.stereo.compiling import few_rows
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 
@@ -91,8 +92,7 @@ def run(arguments: Sequence[str]) -> int:
         sl.write_depth(options.depth, pair.calibration.depth(result.disparity))
         figures["depth"] = str(options.depth)
     if options.out is not None:
-        wanted = _files_of(pair, result, far_is_bright=options.preset == "report")
-        files, left_out = _written(Path(options.out), wanted)
+        files, left_out = _written(Path(options.out), _files_of(pair, result, far_is_bright=options.preset == "report"))
         figures |= {"out": options.out, "files": files, "left_out": left_out}
     print_result(figures, "\n".join([*notes, *_in_words(figures, pair)]), as_json=options.json)
     return DOUBTFUL if figures["findings"] or metres_are_doubtful(pair.calibration, options) else DONE
@@ -100,8 +100,9 @@ def run(arguments: Sequence[str]) -> int:
 
 def _add_files(parser: CommandParser) -> None:
     """Add the arguments for the files of a pair and the output of its map to a parser."""
-    kinds = "PNG, JPEG, HEIC, AVIF, WEBP, BMP, TIFF, PPM, PGM or GIF"
-    parser.add_argument("left", metavar="LEFT", help=f"the left image: {kinds}")
+    parser.add_argument(
+        "left", metavar="LEFT", help="the left image: PNG, JPEG, HEIC, AVIF, WEBP, BMP, TIFF, PPM, PGM or GIF"
+    )
     parser.add_argument(
         "right",
         metavar="RIGHT",
@@ -173,8 +174,7 @@ def _read_pair(options: argparse.Namespace) -> tuple[Pair, tuple[str, ...]]:
         stored = read(read_stored_disparity, options.truth)
         truth, about_truth = truth_in_px(stored, left, right, options.truth_divisor)
         lines = (*lines, *filter(None, (about_truth,)))
-    calibration = requested_calibration(options)
-    pair = assemble_pair(left, right, truth, calibration, id=PairId(options.left))
+    pair = assemble_pair(left, right, truth, requested_calibration(options), id=PairId(options.left))
     pair, on_rectification = rectified_as_requested(pair, options, *WORDING)
     turned = [change.sentence for change in pair.changes if change.code is ChangeCode.TURNED]
     return pair, (*lines, *calibration_sentences(pair.calibration), *turned, *on_rectification)

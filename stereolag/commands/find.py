@@ -76,14 +76,15 @@ NOT_FOUND_BUT = {
 
 def _remark(match: sl.TemplateMatch) -> str:
     """Return how the image differs from the template at a place; "" if it does not."""
-    differing = sum(not agrees for line in match.blocks for agrees in line)
     if match.kind in ("lower_contrast", "higher_contrast") and match.contrast is not None:
         return f", {match.contrast:.2f} × its contrast"
-    if match.kind == "partly_covered":
-        return f", {differing} of {sum(map(len, match.blocks))} blocks covered or missing in the image"
-    if match.kind in ("differs", "not_there"):
-        return f", {differing} of {sum(map(len, match.blocks))} blocks differ"
-    return ""
+    agreeing = [agrees for line in match.blocks for agrees in line]
+    blocks = f", {agreeing.count(False)} of {len(agreeing)} blocks"
+    return {
+        "partly_covered": f"{blocks} covered or missing in the image",
+        "differs": f"{blocks} differ",
+        "not_there": f"{blocks} differ",
+    }.get(match.kind or "", "")
 
 
 def _place(match: sl.TemplateMatch) -> str:

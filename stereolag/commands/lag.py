@@ -29,10 +29,19 @@ def run(arguments: Sequence[str]) -> int:
     parser.add_argument("first", metavar="FIRST", help="the first recording, or one of both channels")
     parser.add_argument("second", metavar="SECOND", nargs="?", help="the second recording")
     parser.add_argument("--channels", type=int, nargs=2, metavar=("A", "B"), help="which channel of each, from 1")
-    tracks = "which audio track of each, or array of an NPZ or MAT file: its number, from 1, or its name"
-    parser.add_argument("--tracks", nargs=2, metavar=("A", "B"), default=("1", "1"), help=tracks)
-    aligned = "write the second recording on the clock of the first: WAV or CSV, lag, drift and steps undone"
-    parser.add_argument("--aligned", type=Path, metavar="FILE", help=aligned)
+    parser.add_argument(
+        "--tracks",
+        nargs=2,
+        metavar=("A", "B"),
+        default=("1", "1"),
+        help="which audio track of each, or array of an NPZ or MAT file: its number, from 1, or its name",
+    )
+    parser.add_argument(
+        "--aligned",
+        type=Path,
+        metavar="FILE",
+        help="write the second recording on the clock of the first: WAV or CSV, lag, drift and steps undone",
+    )
     options, settings = SettingsFlags(parser, LagSearch()).parsed(arguments)
     if options.aligned and options.aligned.suffix.lower() not in (".wav", ".csv"):
         parser.error(f"--aligned is {options.aligned}; its name ends in .wav or .csv.")
@@ -48,32 +57,31 @@ def run(arguments: Sequence[str]) -> int:
     numbers = options.channels or (first.numbers[0], (*second.numbers, 2)[second is first])
     channels = _channel(first, numbers[0], names[0]), _channel(second, numbers[1], names[1])
     apart = start_difference_s(*channels)
-    rate = settings.sampling_rate
     assumed = {"speed", "sampling_rate"} - vars(options).keys()
     if "sampling_rate" in assumed:
         channels = at_one_rate(*channels)
         stated = next((one.sampling_rate for one in channels if one.sampling_rate), None)
         if stated:
-            rate, assumed = stated, assumed - {"sampling_rate"}
-            settings = settings.model_copy(update={"sampling_rate": rate})
+            assumed -= {"sampling_rate"}
+            settings = settings.model_copy(update={"sampling_rate": stated})
     facts = [
-        _facts(one, name, number, count, rate)
+        _facts(one, name, number, count, settings.sampling_rate)
         for one, name, number, count in zip(
             channels, names, numbers, (first.highest_channel, second.highest_channel), strict=True
         )
     ]
     one, other = (checked_signal(one.channels[0], name) for one, name in zip(channels, names, strict=True))
     result = sl.signal_lag(one, other, **settings.model_dump(), seed=0)
-    figures = lag_figures(result, settings, assumed) | {"recordings": facts, "starts_apart_s": apart}
     doubt = duplicate_warning(*channels)
-    figures |= {"doubts": [doubt] if doubt else []}
+    figures = lag_figures(result, settings, assumed)
+    figures |= {"recordings": facts, "starts_apart_s": apart, "doubts": [doubt] if doubt else []}
     words = _in_words(result, settings, facts, assumed) + (f"\ndoubtful: {doubt}" if doubt else "")
     clocks = f"\nBy their own clocks, the second recording begins {apart:+.6g} s after the first." if apart else ""
     print_result(figures, words + clocks, as_json=options.json)
     if options.aligned:
         from stereolag.io.recordings import write_aligned
 
-        write_aligned(options.aligned, options.aligned.suffix.lower(), one, other, result, rate)
+        write_aligned(options.aligned, options.aligned.suffix.lower(), one, other, result, settings.sampling_rate)
     return DOUBTFUL if doubt or result.verdict != "sure" else DONE
 
 
@@ -161,12 +169,10 @@ def _in_words(result: sl.SignalLag, settings: LagSearch, facts: list[dict[str, A
     lines.append(f"verdict   {judgement.verdict}: {_REASONS[judgement.reason]}")
     if result.begins_again_at is not None:
         lines.append(f"values    wrap around every {result.begins_again_at:.4g}: their steps were compared")
-    if over_time is not None and over_time.changes:
-        lines.append(f"over time {over_time_in_words(over_time, rate)}")
-    elif over_time is not None:
-        lines.append(f"clocks    {over_time.ppm:+.2f} ppm, ± {over_time.error_ppm:.1g}: no drift")
     if over_time is not None:
-        lines.append(f"doubt     ± {over_time.spread:.2g} samples, over {over_time.blocks} blocks")
+        steady = f"clocks    {over_time.ppm:+.2f} ppm, ± {over_time.error_ppm:.1g}: no drift"
+        changes = f"over time {over_time_in_words(over_time, rate)}" if over_time.changes else steady
+        lines += [changes, f"doubt     ± {over_time.spread:.2g} samples, over {over_time.blocks} blocks"]
     if len(result.arrivals) > 1:
         lines.append("arrivals  " + ", ".join(f"{round(one.lag)} ({one.sigma:.1f} σ)" for one in result.arrivals))
     return "\n".join([*lines, *(_fact_line(each, rate) for each in facts)])

@@ -76,9 +76,9 @@ def calibration_sentences(calibration: Calibration | None) -> tuple[str, ...]:
 
 def metres_are_doubtful(calibration: Calibration | None, options: argparse.Namespace) -> bool:
     """Return whether a calibration is implausible for a stereo camera, and neither file nor user states its unit."""
-    if calibration is None or options.trust or options.unit:
-        return False
-    return not (calibration.plausible or calibration.unit_stated)
+    return calibration is not None and not (
+        options.trust or options.unit or calibration.plausible or calibration.unit_stated
+    )
 
 
 def add_layout(parser: argparse.ArgumentParser) -> None:
@@ -128,8 +128,8 @@ def rectified_as_requested(
     if decision is None:
         return pair, ()
     rows = decision.evidence
-    why = f"rows differ by {rows.given_px:.2g} px, rectified by {rows.rectified_px:.2g} px"
-    why = "as you said" if decision.chosen else why
+    measured = f"rows differ by {rows.given_px:.2g} px, rectified by {rows.rectified_px:.2g} px"
+    why = "as you said" if decision.chosen else measured
     if decision.done and options.truth is not None:
         raise ValueError(
             f"{raw} ({why}) and the ground truth belongs to them before rectification: leave out --truth or "
@@ -193,11 +193,10 @@ class MatcherFlags(SettingsFlags[StereoMatcher]):
         if diagnosis is not None:
             known = known or diagnosis.suggested_range
         initial = self.settings.search_range()
-        chosen = initial is None or options.settings is not None or matcher.search_range() != initial
         # Flags may also give the numbers that the settings begin with.
         flags = {name.rpartition(".")[2].replace("_", "-") for name in vars(options)}
-        chosen = chosen or not flags.isdisjoint(SHORTCUTS.values())
-        if known is not None and not chosen:
+        chosen = options.settings is not None or not flags.isdisjoint(SHORTCUTS.values())
+        if known is not None and not chosen and initial is not None and matcher.search_range() == initial:
             matcher = matcher.with_search_range(*known)
         return matcher, diagnosis and diagnosis.over(matcher.search_range())
 
@@ -208,9 +207,10 @@ def _add_choice(parser: CommandParser, default_preset: PresetName) -> None:
     ).add_mutually_exclusive_group()
     meanings = " ".join(f"{name}: {preset.meaning}" for name, preset in PRESETS.items())
     sources.add_argument("--preset", choices=[*PRESETS], help=f"{meanings} (default: {default_preset})")
-    names = [kind.short_name for kind in METHODS]
-    titles = "; ".join(f"{kind.short_name}: {kind.title}" for kind in METHODS)
-    sources.add_argument("--method", choices=names, help=f"a method with its own defaults: {titles}")
+    titles = {kind.short_name: f"{kind.short_name}: {kind.title}" for kind in METHODS}
+    sources.add_argument(
+        "--method", choices=[*titles], help=f"a method with its own defaults: {'; '.join(titles.values())}"
+    )
     sources.add_argument(
         "--settings", metavar="FILE.json", help="settings of a file, as the depth page or --out writes it"
     )

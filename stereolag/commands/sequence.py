@@ -84,9 +84,8 @@ def run(arguments: Sequence[str]) -> int:
     findings = findings_as_figures(diagnosis)
     sequence = replace(sequence, findings=() if diagnosis is None else diagnosis.doubts)
     matchers = _matchers(matcher, options)
-    hidden = options.json or not sys.stderr.isatty()
     try:
-        with tqdm(unit="frame", disable=hidden, dynamic_ncols=True) as bar:
+        with tqdm(unit="frame", disable=options.json or not sys.stderr.isatty(), dynamic_ncols=True) as bar:
             result = run_sequence(
                 sequence,
                 matchers,
@@ -253,5 +252,4 @@ def _in_words(figures: dict[str, Any]) -> list[str]:
         f"{figures['frames_per_second']:.1f} a second{before}{damaged}"
     )
     to = figures["out"] if figures["video"] is None else f"{figures['out']}, {figures['video']}"
-    doubts = [f"doubtful: {finding['sentence']}" for finding in figures["findings"]]
-    return [said, f"written to {to}", *doubts]
+    return [said, f"written to {to}", *(f"doubtful: {finding['sentence']}" for finding in figures["findings"])]

@@ -46,8 +46,7 @@ def checked_signal(value: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
     """
     try:
         # Masked values are not samples: as plain arrays, they would be arbitrary numbers.
-        is_masked = np.ma.is_masked(value)
-        given = np.asarray(np.ma.filled(np.ma.asarray(value, np.float64), np.nan) if is_masked else value)
+        given = np.asarray(np.ma.asarray(value, np.float64).filled(np.nan) if np.ma.is_masked(value) else value)
         if np.iscomplexobj(given):
             raise ValueError("a recording is real, and these are complex")
         signal = given if given.dtype.kind in "iuf" else given.astype(np.float64)
@@ -118,23 +117,24 @@ def _with_gaps(image: Image, name: str) -> Image:
 
 
 def _as_pixel_type(image: Image, name: str) -> Image:
-    if image.dtype in (np.uint8, np.uint16):
-        return image
-    if image.dtype == np.bool_:
-        return image.astype(np.uint8) * 255
-    if np.issubdtype(image.dtype, np.integer):
-        low, high = int(image.min()), int(image.max())
-        if low < 0 or high > 65535:
-            raise ValueError(f"{name} holds integers from {low} to {high}; allowed are 0 to 65535, or floats.")
-        return image.astype(np.uint8 if high < 256 else np.uint16)
-    if np.issubdtype(image.dtype, np.floating):
-        if image.dtype not in (np.float32, np.float64):
-            with np.errstate(over="ignore"):  # values too large for float64 are counted below
-                image = image.astype(np.float32 if image.dtype == np.float16 else np.float64)
-        bad = image.size - int(np.isfinite(image).sum())
-        if bad:
-            raise ValueError(f"{name} holds {bad} NaN or infinite pixels; every pixel must be a finite number.")
-        return image
+    match image.dtype.kind:
+        case _ if image.dtype in (np.uint8, np.uint16):
+            return image
+        case "b":
+            return image.astype(np.uint8) * 255
+        case "i" | "u":
+            low, high = int(image.min()), int(image.max())
+            if low < 0 or high > 65535:
+                raise ValueError(f"{name} holds integers from {low} to {high}; allowed are 0 to 65535, or floats.")
+            return image.astype(np.uint8 if high < 256 else np.uint16)
+        case "f":
+            if image.dtype not in (np.float32, np.float64):
+                with np.errstate(over="ignore"):  # values too large for float64 are counted below
+                    image = image.astype(np.float32 if image.dtype == np.float16 else np.float64)
+            bad = image.size - int(np.isfinite(image).sum())
+            if bad:
+                raise ValueError(f"{name} holds {bad} NaN or infinite pixels; every pixel must be a finite number.")
+            return image
     raise ValueError(f"{name} has type {image.dtype}; allowed are uint8, uint16 and float.")
 
 
@@ -336,11 +336,9 @@ def with_border_transparent(image: Image) -> Image:
         return image
     lightest = image if image.ndim == 2 else image.max(axis=2)
     count, labels, sizes, _ = cv2.connectedComponentsWithStats((lightest == 0).astype(np.uint8), connectivity=8)
-    at_rim = np.zeros(count, np.bool_)
-    for line in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
-        at_rim[line] = True
+    rim_labels = np.concatenate((labels[0], labels[-1], labels[:, 0], labels[:, -1]))
+    at_rim = np.isin(np.arange(count), rim_labels) & (sizes[:, cv2.CC_STAT_AREA] >= MIN_BORDER_PIXELS)
     at_rim[0] = False  # the label of all other pixels
-    at_rim &= sizes[:, cv2.CC_STAT_AREA] >= MIN_BORDER_PIXELS
     border = at_rim[labels]
     if not border.any() or border.all():
         return image

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal, TypeAlias, TypedDict
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 from pydantic import Field
 
@@ -43,16 +43,6 @@ class LagSearch(Settings):
 Range: TypeAlias = tuple[float, float]
 
 RESIZABLE = Applies(lambda query: query.method == "fft", "needs method 'fft'")
-
-
-class TemplateArguments(TypedDict):
-    """The arguments of :func:`stereolag.templates.match_template` that come from settings."""
-
-    method: TemplateMethod
-    min_score: float
-    max_matches: int
-    scales: Range | None
-    rotations: Range | None
 
 
 class TemplateQuery(Settings):
@@ -101,7 +91,7 @@ class TemplateQuery(Settings):
         return self.min_scale < 1 or self.max_scale > 1 or self.max_rotation > 0
 
     @property
-    def arguments(self) -> TemplateArguments:
+    def arguments(self) -> dict[str, Any]:
         """The arguments of the search."""
         return {
             "method": self.method,

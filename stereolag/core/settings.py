@@ -162,12 +162,8 @@ def nested(field: FieldInfo) -> tuple[type[BaseModel], ...]:
 
 def title_of(kind: type[BaseModel], name: str) -> str:
     """Return the title of a setting on a page; a name with dots reaches into nested settings."""
-    first, _, inner = name.partition(".")
-    field = kind.model_fields[first]
-    if not inner:
-        return field.title or first
-    owner = next(kind for kind in nested(field) if inner.partition(".")[0] in kind.model_fields)
-    return title_of(owner, inner)
+    field = next(field for full, field in _names(kind) if full == name)
+    return field.title or name.rpartition(".")[2]
 
 
 def _whole_steps(span: Number, step: Number) -> int:
@@ -210,23 +206,24 @@ def problems_of(kind: type[BaseModel], error: ValidationError) -> Iterator[Probl
         name = ".".join(path)
         context = found.get("ctx", {})
         cause = context.get("error")
-        if isinstance(cause, SettingsError):
-            yield from (inner.renamed(".".join(filter(None, (name, inner.name)))) for inner in cause.problems)
-        elif found["type"] == "value_error":
-            yield Problem(name, str(cause))
-        elif found["type"] == "extra_forbidden":
-            yield Problem(name, unknown_setting(kind, name))
-        elif found["type"] == "union_tag_not_found":
-            yield Problem(name, "{}.{} is missing.".format(name, context["discriminator"].strip("'")))
-        elif found["type"] == "union_tag_invalid":
-            tag = "{}.{}".format(name, context["discriminator"].strip("'"))
-            yield Problem(name, f"{tag} is {_shortened(context['tag'])}; allowed are {context['expected_tags']}.")
-        elif found["type"] == "missing":
-            yield Problem(name, f"{name} is missing.")
-        elif field is not None:
-            yield Problem(name, f"{name} is {_shortened(found['input'])}; allowed {allowed_values(field)}.")
-        else:
-            yield Problem(name, f"{name or kind.__name__} is {_shortened(found['input'])}: {found['msg']}.")
+        match found["type"]:
+            case "value_error" if isinstance(cause, SettingsError):
+                yield from (inner.renamed(".".join(filter(None, (name, inner.name)))) for inner in cause.problems)
+            case "value_error":
+                yield Problem(name, str(cause))
+            case "extra_forbidden":
+                yield Problem(name, unknown_setting(kind, name))
+            case "union_tag_not_found":
+                yield Problem(name, "{}.{} is missing.".format(name, context["discriminator"].strip("'")))
+            case "union_tag_invalid":
+                tag = "{}.{}".format(name, context["discriminator"].strip("'"))
+                yield Problem(name, f"{tag} is {_shortened(context['tag'])}; allowed are {context['expected_tags']}.")
+            case "missing":
+                yield Problem(name, f"{name} is missing.")
+            case _ if field is not None:
+                yield Problem(name, f"{name} is {_shortened(found['input'])}; allowed {allowed_values(field)}.")
+            case _:
+                yield Problem(name, f"{name or kind.__name__} is {_shortened(found['input'])}: {found['msg']}.")
 
 
 def _path_of(kind: type[BaseModel], place: tuple[int | str, ...]) -> tuple[list[str], FieldInfo | None]:

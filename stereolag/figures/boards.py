@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 from stereolag.core.arrays import Rgb
 from stereolag.core.inputs import Image
 from stereolag.figures.charts import LEGEND_ABOVE, laid_out
-from stereolag.figures.pictures import FRAME, SENSOR_1, SENSOR_2, VIRIDIS, Rgba, as_rgb, fitted
+from stereolag.figures.pictures import FRAME, SENSOR_1, SENSOR_2, VIRIDIS, Rgba, fitted
 from stereolag.geometry.boards import Board, Corners
 
 CORNERS_WIDTH_PX = 720
@@ -38,21 +38,19 @@ ROW_LINE_COUNT = 14
 
 def with_corners(image: Image, corners: Corners | None, board: Board) -> Rgb:
     """Return a picture with the detected corners joined row by row, each row in its own colour."""
-    picture = np.ascontiguousarray(fitted(image, CORNERS_WIDTH_PX))
+    picture = fitted(image, CORNERS_WIDTH_PX).copy()
     if corners is None:
         return picture
     factor = picture.shape[1] / image.shape[1]
-    places = (corners.points + 0.5) * factor - 0.5
+    places = np.rint(((corners.points + 0.5) * factor - 0.5) * 16).astype(np.int32)  # in sixteenths of a pixel
     rows = corners.numbers // board.columns
     for row in np.unique(rows):
-        shade = VIRIDIS[round(255 * (0.25 + 0.75 * row / max(1, board.rows - 1)))]
-        colour = int(shade[0]), int(shade[1]), int(shade[2])
-        line = np.rint(places[rows == row] * 16).astype(np.int32)
-        cv2.polylines(picture, [line[:, None]], False, colour, 2, cv2.LINE_AA, 4)
-        for place in line:
-            cv2.circle(picture, (int(place[0]), int(place[1])), 4 * 16, FRAME, 1, cv2.LINE_AA, 4)
-    first = np.rint(places[0] * 16).astype(int)
-    cv2.circle(picture, (int(first[0]), int(first[1])), 8 * 16, FRAME, 2, cv2.LINE_AA, 4)
+        colour = VIRIDIS[round(255 * (0.25 + 0.75 * row / max(1, board.rows - 1)))].tolist()
+        line = places[rows == row]
+        cv2.polylines(picture, [line], False, colour, 2, cv2.LINE_AA, 4)
+        for place in line.tolist():
+            cv2.circle(picture, place, 4 * 16, FRAME, 1, cv2.LINE_AA, 4)
+    cv2.circle(picture, places[0].tolist(), 8 * 16, FRAME, 2, cv2.LINE_AA, 4)
     return picture
 
 
@@ -67,8 +65,8 @@ def coverage_picture(corners: Sequence[Corners], size: tuple[int, int]) -> Rgba:
         transparency[covered > 0] *= 1 - BOARD_OPACITY
     opacity = np.rint(255 * (1 - transparency)).astype(np.uint8)
     for one in corners:
-        for place in np.rint(one.points * factor).astype(int):
-            cv2.circle(opacity, (int(place[0]), int(place[1])), 1, 255, -1, cv2.LINE_AA)
+        for place in np.rint(one.points * factor).astype(int).tolist():
+            cv2.circle(opacity, place, 1, 255, -1, cv2.LINE_AA)
     picture = np.dstack([np.full((height, COVERAGE_WIDTH_PX, 3), COVERAGE_COLOUR, np.uint8), opacity])
     cv2.rectangle(picture, (0, 0), (COVERAGE_WIDTH_PX - 1, height - 1), (*BORDER_COLOUR, 255), 1)
     return picture
@@ -90,18 +88,18 @@ def error_bars(
     shown
         Number of the pair being shown; its name is bold.
     """
-    figure = go.Figure()
-    for side, values, colour in (("left", left, SENSOR_1), ("right", right, SENSOR_2)):
-        colours = [colour if is_used else UNUSED_COLOUR for is_used in used]
-        figure.add_trace(
+    figure = go.Figure(
+        [
             go.Bar(
                 x=[*range(len(names))],
                 y=np.asarray(values, dtype=np.float32),
                 name=side,
-                marker={"color": colours},
+                marker={"color": np.where(used, colour, UNUSED_COLOUR).tolist()},
                 hovertemplate=f"{side}: %{{y:.2f}} px<extra></extra>",
             )
-        )
+            for side, values, colour in (("left", left, SENSOR_1), ("right", right, SENSOR_2))
+        ]
+    )
     known = [
         error for error, is_used in zip((*left, *right), (*used, *used), strict=True) if is_used and error == error
     ]
@@ -117,8 +115,7 @@ def error_bars(
 
 def with_row_lines(left: Image, right: Image) -> Rgb:
     """Return a rectified pair side by side with lines along rows: corresponding points are on the same line."""
-    both = np.hstack([fitted(image, CORNERS_WIDTH_PX) for image in (as_rgb(left), as_rgb(right))])
-    picture = np.ascontiguousarray(both)
-    for row in np.linspace(0, picture.shape[0] - 1, ROW_LINE_COUNT + 2)[1:-1].astype(int):
-        cv2.line(picture, (0, int(row)), (picture.shape[1] - 1, int(row)), FRAME, 1)
+    picture = np.ascontiguousarray(np.hstack([fitted(image, CORNERS_WIDTH_PX) for image in (left, right)]))
+    for row in np.linspace(0, picture.shape[0] - 1, ROW_LINE_COUNT + 2)[1:-1].astype(int).tolist():
+        cv2.line(picture, (0, row), (picture.shape[1] - 1, row), FRAME, 1)
     return picture

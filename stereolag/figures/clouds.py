@@ -41,12 +41,13 @@ def point_cloud(points: Points, colours: Colours, unit: str, *, turned: float = 
         left camera, and above it.
     """
     palette, index = _palette(colours)
+    drawn = np.column_stack([points[:, 0], points[:, 2], -points[:, 1]])
     size = float(np.clip(MIN_POINT_PX * np.sqrt(POINTS_AT_MIN_SIZE / len(points)), MIN_POINT_PX, MAX_POINT_PX))
     figure = go.Figure(
         go.Scatter3d(
-            x=points[:, 0],
-            y=points[:, 2],
-            z=-points[:, 1],
+            x=drawn[:, 0],
+            y=drawn[:, 1],
+            z=drawn[:, 2],
             mode="markers",
             marker={
                 "size": size,
@@ -60,15 +61,12 @@ def point_cloud(points: Points, colours: Colours, unit: str, *, turned: float = 
             hovertemplate=f"%{{y:.3g}} {unit} away<extra></extra>",
         )
     )
-    bounds = np.array([[0.0, 0.0, 0.0], points.min(axis=0), points.max(axis=0)], dtype=np.float64)
-    low, high = bounds.min(axis=0)[[0, 2, 1]], bounds.max(axis=0)[[0, 2, 1]]
-    low[2], high[2] = -high[2], -low[2]
-    distance = float(np.median(points[:, 2]))
+    low, high = np.minimum(drawn.min(axis=0), 0, dtype=np.float64), np.maximum(drawn.max(axis=0), 0, dtype=np.float64)
     scene = {
         "xaxis": _axis(f"X, {unit}", low[0], high[0]),
         "yaxis": _axis(f"distance, {unit}", low[1], high[1]),
         "zaxis": _axis(f"height, {unit}", low[2], high[2]),
-        "camera": _camera(low, high, distance, np.radians(turned), np.radians(raised)),
+        "camera": _camera(low, high, float(np.median(points[:, 2])), np.radians(turned), np.radians(raised)),
         # The longest side is 2, and the scale the same in every direction.
         "aspectmode": "manual",
         "aspectratio": dict(zip("xyz", (2 * (high - low) / (high - low).max()).tolist(), strict=True)),
@@ -109,9 +107,8 @@ def _palette(colours: Colours) -> tuple[list[list[Any]], npt.NDArray[np.uint8]]:
     picture = PillowImage.fromarray(np.ascontiguousarray(colours[None])).quantize(
         PALETTE_SIZE, method=PillowImage.Quantize.MEDIANCUT, dither=PillowImage.Dither.NONE
     )
-    palette = np.zeros((PALETTE_SIZE, 3), dtype=np.uint8)
-    found = np.array(picture.getpalette(), dtype=np.uint8).reshape(-1, 3)[:PALETTE_SIZE]
-    palette[: len(found)] = found
+    found = np.array(picture.getpalette(), dtype=np.uint8).reshape(-1, 3)
+    palette = np.pad(found, ((0, PALETTE_SIZE - len(found)), (0, 0)))
     scale = [[number / (PALETTE_SIZE - 1), "rgb({},{},{})".format(*colour)] for number, colour in enumerate(palette)]
     return scale, np.asarray(picture, dtype=np.uint8)[0]
 

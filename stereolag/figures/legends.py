@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import cv2
 import numpy as np
@@ -150,11 +151,6 @@ def round_values(low: float, high: float, max_steps: int = 8) -> list[float]:
 
 def disparity_legends(low: float, high: float, palette: Rgb, calibration: Calibration | None) -> tuple[Legend, ...]:
     """Return the legends of disparity maps: disparity, metres if calibrated, and the grey of no disparity."""
-
-    def metres(disparity: float) -> str:
-        depth = float("nan") if calibration is None else float(calibration.depth(disparity))
-        return typeset(f"{depth:.3g} m") if depth == depth else "∞" if calibration else ""
-
     return (
         strip_legend(
             "disparity, px" + (", and distance" if calibration else ""),
@@ -162,10 +158,15 @@ def disparity_legends(low: float, high: float, palette: Rgb, calibration: Calibr
             high,
             palette,
             ends=("FAR", "NEAR"),
-            below=metres if calibration else None,
+            below=partial(_metres, calibration) if calibration else None,
         ),
         word_legend("", [hexadecimal(NO_ANSWER)], ["no disparity"]),
     )
+
+
+def _metres(calibration: Calibration, disparity: float) -> str:
+    depth = float(calibration.depth(disparity))
+    return "∞" if math.isnan(depth) else typeset(f"{depth:.3g} m")
 
 
 def with_legend(picture: Rgb, low: float, high: float, palette: Rgb, title: str) -> Rgb:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -101,23 +102,22 @@ def error_over_coverage(curves: Mapping[str, CoverageCurve], threshold: float) -
 
     A method without scores is a single point.
     """
-    figure = go.Figure()
-    for number, (name, curve) in enumerate(curves.items()):
-        colour = METHOD_COLOURS[number % len(METHOD_COLOURS)]
-        figure.add_trace(
-            go.Scatter(
-                x=(100 * curve.coverage).astype(np.float32),
-                y=curve.bad.astype(np.float32),
-                name=name,
-                mode="markers" if curve.coverage.size == 1 else "lines",
-                line={"color": colour, "width": 2, "dash": DASHES[number % len(DASHES)]},
-                marker={"color": colour, "size": 12, "symbol": SYMBOLS[number % len(SYMBOLS)]},
-                hovertemplate="%{y:.1f} % wrong at %{x:.0f} %",
-            )
+    looks = zip(cycle(METHOD_COLOURS), cycle(DASHES), cycle(SYMBOLS), strict=False)
+    lines = [
+        go.Scatter(
+            x=(100 * curve.coverage).astype(np.float32),
+            y=curve.bad.astype(np.float32),
+            name=name,
+            mode="markers" if curve.coverage.size == 1 else "lines",
+            line={"color": colour, "width": 2, "dash": dash},
+            marker={"color": colour, "size": 12, "symbol": symbol},
+            hovertemplate="%{y:.1f} % wrong at %{x:.0f} %",
         )
+        for (name, curve), (colour, dash, symbol) in zip(curves.items(), looks, strict=False)
+    ]
     kept = "pixels kept, the surest first, % of the ground truth"
     return laid_out(
-        figure,
+        go.Figure(lines),
         340,
         {"title": kept, "range": [0, 101], "dtick": 20, "fixedrange": True},
         {"title": typeset(f"off by more than {threshold:g} px, %"), "rangemode": "tozero", "fixedrange": True},

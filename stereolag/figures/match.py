@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -155,18 +156,23 @@ def score_row(match: MatchExplanation, right: Image, others: Mapping[str, float]
     figure = make_subplots(
         rows=2, shared_xaxes=True, vertical_spacing=0.03, row_heights=[strip_height / height, ROW_HEIGHT_PX / height]
     )
-    grey = go.Heatmap(z=strip, x=middle, y=np.arange(size), colorscale="gray", showscale=False, hoverinfo="skip")
-    figure.add_trace(grey, row=1, col=1)
+    figure.add_trace(
+        go.Heatmap(z=strip, x=middle, y=np.arange(size), colorscale="gray", showscale=False, hoverinfo="skip"),
+        row=1,
+        col=1,
+    )
     figure.add_trace(_line(-match.dx, match.row, CORRELATION, "score", markers=match.dx.size <= 96), row=2, col=1)
     low, high = _score_range(match)
-    for number, (name, disparity) in enumerate(others.items()):
-        line = {"color": OTHER_COLOURS[number % len(OTHER_COLOURS)], "width": 2, "dash": DASHES[number % len(DASHES)]}
-        ends = {"x": [disparity] * 2, "y": [low, high]}
-        figure.add_trace(
-            go.Scatter(**ends, mode="lines", line=line, name=typeset(f"{name} {disparity:.2f} px"), hoverinfo="skip"),
-            row=2,
-            col=1,
+    for (name, disparity), colour, dash in zip(others.items(), cycle(OTHER_COLOURS), cycle(DASHES), strict=False):
+        other = go.Scatter(
+            x=[disparity] * 2,
+            y=[low, high],
+            mode="lines",
+            line={"color": colour, "width": 2, "dash": dash},
+            name=typeset(f"{name} {disparity:.2f} px"),
+            hoverinfo="skip",
         )
+        figure.add_trace(other, row=2, col=1)
     for at, score, colour, name, side in _peaks(match):
         if match.peak and at[0] == match.peak[0]:
             label = {"text": [typeset(f"{name} {score:.3f}")], "textfont": {"color": colour, "size": 13}}
@@ -185,21 +191,17 @@ def score_row(match: MatchExplanation, right: Image, others: Mapping[str, float]
 
 def sub_pixel_fit(match: MatchExplanation) -> go.Figure:
     """Return the scores near a peak that is not at the edge, with the fitted curve, whose maximum is the disparity."""
-    figure = go.Figure()
     assert match.peak is not None
     near = np.abs(match.dx - match.peak[1]) <= FIT_REACH_PX
     fine = np.linspace(-1.5, 1.5, 121)
-    curve = match.fit(fine)
-    figure.add_trace(_line(-(match.peak[1] + fine), curve, PEAK, "fit"))
-    figure.add_trace(
-        go.Scatter(
-            x=-match.dx[near],
-            y=match.row[near].astype(np.float32),
-            mode="markers",
-            marker={"color": CORRELATION, "size": 10},
-            hovertemplate="%{x} px: %{y}<extra></extra>",
-        )
+    scores = go.Scatter(
+        x=-match.dx[near],
+        y=match.row[near].astype(np.float32),
+        mode="markers",
+        marker={"color": CORRELATION, "size": 10},
+        hovertemplate="%{x} px: %{y}<extra></extra>",
     )
+    figure = go.Figure([_line(-(match.peak[1] + fine), match.fit(fine), PEAK, "fit"), scores])
     figure.add_vline(
         x=match.disparity,
         line={"color": PEAK, "width": 2},
@@ -370,7 +372,6 @@ def overlap_figure(image: Image, grid: WindowGrid) -> go.Figure:
         layer="below",
     )
     for row, col in grid.neighbours():
-        own = (row, col) == (grid.middle.row, grid.middle.col)
         figure.add_shape(
             type="rect",
             x0=col - 0.5,
@@ -378,7 +379,7 @@ def overlap_figure(image: Image, grid: WindowGrid) -> go.Figure:
             y0=row - 0.5,
             y1=row + size - 0.5,
             fillcolor=WINDOW_FILL,
-            line={"color": WINDOW_COLOUR, "width": 4 if own else 1.5},
+            line={"color": WINDOW_COLOUR, "width": 4 if (row, col) == (grid.middle.row, grid.middle.col) else 1.5},
             layer="between",
         )
     half = (size - 1) / 2
@@ -386,8 +387,8 @@ def overlap_figure(image: Image, grid: WindowGrid) -> go.Figure:
     own_centre = grid.middle.row + half, grid.middle.col + half
     centres = [(row + half, col + half) for row in rows for col in cols]
     small = 3 if max(rows.size, cols.size) > MANY_DOTS else 4
-    figure.add_trace(_dots([at for at in centres if at != own_centre], small, "centre of a window"))
-    figure.add_trace(_dots([own_centre], 10, "centre of the window chosen"))
+    others = _dots([at for at in centres if at != own_centre], small, "centre of a window")
+    figure.add_traces([others, _dots([own_centre], 10, "centre of the window chosen")])
     axis = {"showgrid": False, "zeroline": False, "constrain": "domain"}
     x = {"title": "column, px", "range": [left, left + part.width], **axis}
     y = {"title": "row, px", "range": [top + part.height, top], "scaleanchor": "x", **axis}

@@ -21,7 +21,7 @@ from stereolag.core.typography import typeset
 from stereolag.figures.legends import INK, LEGEND_TITLE, PAPER, round_values, searched_range, with_legend
 from stereolag.figures.pictures import CORRELATION, VIRIDIS, coloured, data_url, fitted
 from stereolag.figures.recordings import correlation_curve
-from stereolag.figures.templates import framed, score_map_png
+from stereolag.figures.templates import framed, score_map_picture
 from stereolag.figures.verdicts import (
     blanks_in_words,
     curve_in_words,
@@ -86,13 +86,11 @@ def _search(result: TemplateSearch, image: Image | None) -> Drawing:
         numbers.append(f"the best rival has {result.rivals[0].score:.3f}")
     sentences.append(_numbers_sentence([*numbers, f"{result.candidates:,} places scored"], result.elapsed_s))
     if image is not None:
-        return _drawing(
-            sentences, _read(framed(image, found, unsure, width=_width(image.shape))), framed_in_words(result)
-        )
+        return _drawing(sentences, framed(image, found, unsure, width=_width(image.shape)), framed_in_words(result))
     if result.score_map is None:
         return _drawing([*sentences, "To see where: sl.show(result, image)."])
     factor = math.ceil(result.score_map.shape[1] / _width(result.score_map.shape))
-    picture = _read(score_map_png(result.score_map, found or unsure, factor))
+    picture = score_map_picture(result.score_map, found or unsure, factor)
     note = (
         "Score of the template with its top-left corner at each place: dark at 0 and below, yellow at 1; flat places "
         "are grey, and the places named above are ringed. To see them in the image: sl.show(result, image)."
@@ -150,8 +148,10 @@ def _drawing(
     if picture is None:
         return Drawing(f"<div>{lines}</div>", None)
     png = _png(picture)
-    shown = f'<img src="{data_url(png)}" alt="{html.escape(typeset(alternative.replace("**", "")))}"'
-    shown += f' width="{picture.shape[1] // zoom}" style="max-width: 100%; height: auto">'
+    shown = (
+        f'<img src="{data_url(png)}" alt="{html.escape(typeset(alternative.replace("**", "")))}"'
+        f' width="{picture.shape[1] // zoom}" style="max-width: 100%; height: auto">'
+    )
     return Drawing(f"<div>{lines}{shown}{f'<p><small>{_bold(note)}</small></p>' if note else ''}</div>", png)
 
 
@@ -164,10 +164,6 @@ def _png(picture: Rgb) -> bytes:
     file = io.BytesIO()
     PillowImage.fromarray(picture).quantize(256).save(file, "PNG", optimize=True)
     return file.getvalue()
-
-
-def _read(png: bytes) -> Rgb:
-    return np.asarray(PillowImage.open(io.BytesIO(png)).convert("RGB"))
 
 
 def _width(shape: Sequence[int]) -> int:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
-from typing import Any, NamedTuple, TypeAlias, TypeVar
+from itertools import pairwise
+from typing import Any, TypeAlias, TypeVar
 
 import cv2
 import numpy as np
@@ -105,15 +106,13 @@ def png(picture: npt.NDArray[np.uint8]) -> bytes:
     if picture.ndim == 3:
         code = cv2.COLOR_RGBA2BGRA if picture.shape[2] == 4 else cv2.COLOR_RGB2BGR
         picture = np.asarray(cv2.cvtColor(np.ascontiguousarray(picture), code), dtype=np.uint8)
-    _, data = cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 1])
-    return data.tobytes()
+    return cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes()
 
 
 def jpeg(picture: Rgb) -> bytes:
     """Return an RGB photograph as the bytes of a visually identical JPEG."""
     bgr = cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_RGB2BGR)
-    _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    return data.tobytes()
+    return cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()
 
 
 def data_url(data: bytes) -> str:
@@ -173,8 +172,8 @@ def colour_table(colours: Rgb) -> Rgb:
     )
 
 
-RAMPS = ((15, 0, 1, 1), (6, 1, 0, -1), (4, 1, 2, 1), (11, 2, 1, -1), (13, 2, 0, 1), (6, 0, 2, -1))
-"""Parts of the colour wheel: number of colours, full channel, changing channel, and whether it rises or falls."""
+WHEEL_PARTS = ((15, (1, 0, 0)), (6, (1, 1, 0)), (4, (0, 1, 0)), (11, (0, 1, 1)), (13, (0, 0, 1)), (6, (1, 0, 1)))
+"""Parts of the colour wheel: number of colours, and the first one, which fades into that of the next part."""
 
 BEYOND_BRIGHTNESS = 0.75
 """Brightness factor of motions longer than the largest: darker than all others."""
@@ -186,14 +185,11 @@ OUTLINE_PX = 2
 @cache
 def _wheel() -> npt.NDArray[np.float64]:
     """Return the colour wheel as (55, 3) RGB, 0..1, red first."""
-    colours = []
-    for count, full, changing, rising in RAMPS:
-        ramp = np.arange(count) / count
-        part = np.zeros((count, 3))
-        part[:, full] = 1
-        part[:, changing] = ramp if rising > 0 else 1 - ramp
-        colours.append(part)
-    return np.concatenate(colours)
+    fades = []
+    for (count, first), (_, following) in pairwise([*WHEEL_PARTS, WHEEL_PARTS[0]]):
+        share = np.arange(count)[:, None] / count
+        fades.append((1 - share) * first + share * following)
+    return np.concatenate(fades)
 
 
 def largest_motion(*flows: tuple[FloatMap, FloatMap]) -> float:
@@ -271,9 +267,8 @@ def with_arrows(image: Image, dy: FloatMap, dx: FloatMap, *, spacing: int = 24) 
     """
     picture = np.ascontiguousarray(as_rgb(image)).copy()
     rows, cols = dx.shape
-    grid = np.s_[spacing // 2 :: spacing, spacing // 2 :: spacing]
-    row, col = np.mgrid[:rows, :cols]
-    starts = np.stack([row[grid], col[grid], dy[grid], dx[grid]], axis=-1).reshape(-1, 4)
+    row, col = np.mgrid[spacing // 2 : rows : spacing, spacing // 2 : cols : spacing]
+    starts = np.stack([row, col, dy[row, col], dx[row, col]], axis=-1).reshape(-1, 4)
     starts = starts[np.isfinite(starts).all(axis=1)]
     lengths = np.hypot(starts[:, 2], starts[:, 3])
     down, right = (starts[:, 2:].T / np.maximum(lengths, 1e-6)).astype(np.float32)[..., None]
@@ -303,47 +298,31 @@ TEXT_HEIGHT_SHARE = 1 / 34
 """Text height as a share of the picture width: a page shows the picture at half its size."""
 
 
-class Outline(NamedTuple):
-    """The outline of an object, and its label.
+def with_outlines(image: Image, objects: Iterable[tuple[Mask, str]]) -> Rgb:
+    """Return the image, (H, W, 3) uint8, with objects outlined in pink and labelled above.
 
-    Attributes
-    ----------
-    parts
-        Closed lines, each (n, 2) int32 of (column, row).
-    words
-        Label above it; "" = none.
+    `objects` gives the (H, W) pixels of each, and its label; "" = none.
     """
-
-    parts: tuple[npt.NDArray[np.int32], ...]
-    words: str = ""
-
-
-def outline_of(mask: Mask, words: str = "") -> Outline:
-    """Return the outlines of the True regions of an (H, W) mask."""
-    found, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
-    return Outline(tuple(np.asarray(part[:, 0], np.int32) for part in found), words)
-
-
-def with_outlines(image: Image, outlines: Sequence[Outline]) -> Rgb:
-    """Return the image, (H, W, 3) uint8, with objects outlined in pink and labelled above."""
     picture = np.array(as_rgb(image))
     cols = picture.shape[1]
-    thickness = max(1, round(cols / 400))
-    for one in outlines:
-        cv2.polylines(picture, [*one.parts], True, FRAME, thickness, cv2.LINE_AA)
+    outlines = [
+        (cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)[0], label)
+        for mask, label in objects
+    ]
+    for parts, _ in outlines:
+        cv2.polylines(picture, parts, True, FRAME, max(1, round(cols / 400)), cv2.LINE_AA)
     from PIL import ImageDraw, ImageFont  # 40 ms to load
 
     canvas = PillowImage.fromarray(picture)
     size = max(11, round(cols * TEXT_HEIGHT_SHARE))
     draw, font = ImageDraw.Draw(canvas), ImageFont.load_default(size)
-    for one in outlines:
-        if not one.words or not one.parts:
-            continue
-        points = np.concatenate(one.parts)
-        middle, top = float(np.mean(np.ptp(points[:, 0]) / 2 + points[:, 0].min())), float(points[:, 1].min())
-        half = draw.textlength(one.words, font) / 2
-        place = float(np.clip(middle, half, max(half, cols - half))), max(top - size / 4, 1.1 * size)
-        draw.text(place, one.words, WHITE, font, anchor="ms", stroke_width=max(2, size // 8), stroke_fill=BLACK)
+    for parts, label in outlines:
+        if label and parts:
+            left, top, width, _ = cv2.boundingRect(np.concatenate(parts))
+            half = draw.textlength(label, font) / 2
+            middle = float(np.clip(left + (width - 1) / 2, half, max(half, cols - half)))
+            place = middle, max(top - size / 4, 1.1 * size)
+            draw.text(place, label, WHITE, font, anchor="ms", stroke_width=max(2, size // 8), stroke_fill=BLACK)
     return np.array(canvas)
 
 

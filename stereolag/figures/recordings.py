@@ -61,10 +61,11 @@ def waveforms(signal_1: Vector, signal_2: Vector, sampling_rate: float) -> go.Fi
 
 def aligned(signal_1: Vector, signal_2: Vector, lag: int, sampling_rate: float) -> go.Figure:
     """Return both recordings on one plot, the second moved back by its lag (Fig. 1.5a of the report)."""
-    figure = go.Figure()
-    for offset, (signal, name, colour) in zip((0, -lag), _named(signal_1, signal_2), strict=True):
-        seconds = (np.arange(signal.size) + offset) / sampling_rate
-        figure.add_trace(_line(seconds, _standardised(signal), name, colour).update(opacity=0.75))
+    lines = [
+        _line((np.arange(signal.size) + offset) / sampling_rate, _standardised(signal), name, colour)
+        for offset, (signal, name, colour) in zip((0, -lag), _named(signal_1, signal_2), strict=True)
+    ]
+    figure = go.Figure(lines).update_traces(opacity=0.75)
     return laid_out(figure, 300, CLOCK_TITLE, "standard deviations", **LEGEND_LAYOUT)
 
 
@@ -81,16 +82,17 @@ def close_up(signal_1: Vector, signal_2: Vector, lag: int, start: int) -> go.Fig
     start = min(max(start, shared.start), shared.stop)
     stop = min(start + CLOSE_UP_SAMPLES, shared.stop)
     samples = np.arange(start, stop, dtype=np.int32)
-    shown = (_standardised(signal_1)[start:stop], _standardised(signal_2)[start + lag : stop + lag])
-    figure = go.Figure()
+    first, second = _standardised(signal_1)[start:stop], _standardised(signal_2)[start + lag : stop + lag]
     # A broad line under a narrow one, so that both are visible where they coincide.
-    for signal, name, colour, width in zip(
-        shown, ("sensor 1", "sensor 2, shifted to line up"), (SENSOR_1, SENSOR_2), (7, 2), strict=True
-    ):
-        line = {"color": colour, "width": width}
-        figure.add_trace(go.Scatter(x=samples, y=signal.astype(np.float32), name=name, mode="lines", line=line))
+    lines = [
+        go.Scatter(x=samples, y=signal.astype(np.float32), name=name, mode="lines", line=line)
+        for signal, name, line in (
+            (first, "sensor 1", {"color": SENSOR_1, "width": 7}),
+            (second, "sensor 2, shifted to line up", {"color": SENSOR_2, "width": 2}),
+        )
+    ]
     x = {"title": "sample of sensor 1", "tickformat": ",d"}
-    return laid_out(figure, 300, x, "standard deviations", **LEGEND_LAYOUT)
+    return laid_out(go.Figure(lines), 300, x, "standard deviations", **LEGEND_LAYOUT)
 
 
 def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] | None = None) -> go.Figure:
@@ -110,7 +112,10 @@ def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] |
     colour = PEAK if result.verdict == "sure" else DOUBTFUL_COLOUR
     marks: list[go.Scatter] = []
     if result.lags is not None and result.correlation is not None:
-        weight = _weights(result.lags, sizes)
+        # The weights of the curve, with which short overlaps cannot win.
+        weight = (
+            np.ones(result.lags.size) if sizes is None else np.sqrt(overlap_length(*sizes, result.lags) / min(sizes))
+        )
         curve = result.correlation / weight
         _add_ribbon(figure, result, weight)
         marks = _marks(result, curve)
@@ -154,8 +159,7 @@ def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] |
 
 def _add_votes(figure: go.Figure, votes: Mapping[int, int], title: str) -> tuple[float, int, int]:
     """Add bars of the most frequent votes; return the largest number of votes, and the first and the last lag shown."""
-    shown = list(votes.items())[:VOTES_SHOWN]
-    lags, counts = np.array(shown, dtype=np.int32).T
+    lags, counts = np.array(list(votes.items())[:VOTES_SHOWN], dtype=np.int32).T
     first, last = int(lags.min()), int(lags.max())
     bar_width = max(1.0, (last - first) / VOTES_SHOWN)
     figure.add_trace(go.Bar(x=lags, y=counts, width=bar_width, name=title, marker={"color": CORRELATION}))
@@ -183,20 +187,12 @@ def _marks(result: SignalLag, curve: Vector) -> list[go.Scatter]:
         lags = lags[np.isin(lags, result.lags)]
         if lags.size:
             heights = curve[np.searchsorted(result.lags, lags)].astype(np.float32)
-            hover = f"lag %{{x}}: %{{y}}<extra>{name}</extra>"
-            mark = rings(lags, heights, colour, 9, 2, name=name, hovertemplate=hover)
-            marks.append(mark)
+            more: dict[str, Any] = {"name": name, "hovertemplate": f"lag %{{x}}: %{{y}}<extra>{name}</extra>"}
             if lags[0] == opposite:
-                mark.update(mode="markers+text", text=[typeset(f"  {opposite:,}")], textposition="middle right")
-                mark.update(textfont={"color": colour, "size": 14}, cliponaxis=False)
+                more |= {"text": [typeset(f"  {opposite:,}")], "textposition": "middle right"}
+                more["textfont"] = {"color": colour, "size": 14}
+            marks.append(rings(lags, heights, colour, 9, 2, **more))
     return marks
-
-
-def _weights(lags: npt.NDArray[np.int64], sizes: tuple[int, int] | None) -> Vector:
-    """Return the overlap weights of the curve, with which short overlaps cannot win; 1 without `sizes`."""
-    if sizes is None:
-        return np.ones(lags.size)
-    return np.asarray(np.sqrt(overlap_length(*sizes, lags) / min(sizes)))
 
 
 MAX_AGREEMENT = 100
@@ -229,10 +225,9 @@ def _add_ribbon(figure: go.Figure, result: SignalLag, weight: Vector) -> None:
     band = band_of_chance(result)
     if band is None or result.lags is None:
         return
-    low, high = band
     kept = np.unique(np.linspace(0, result.lags.size - 1, RIBBON_POINTS).astype(np.int64))
     lags = result.lags[kept].astype(np.int32)
-    lower, upper = (np.clip(level / weight[kept], -1, 1).astype(np.float32) for level in (low, high))
+    lower, upper = (np.clip(level / weight[kept], -1, 1).astype(np.float32) for level in band)
     figure.add_trace(
         go.Scatter(
             x=np.concatenate((lags, lags[::-1])),

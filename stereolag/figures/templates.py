@@ -49,8 +49,8 @@ def framed(
     *,
     template: Shape | None = None,
     width: int = MAX_WIDTH_PX,
-) -> bytes:
-    """Return the image, at most `width` px wide, as a PNG with a frame around every match, boldest for the best.
+) -> Rgb:
+    """Return the image, at most `width` px wide, with a frame around every match, boldest for the best.
 
     Frames are dashed at doubtful places, and rotated if the shape of the template is given. Blocks that disagree with
     the template are outlined.
@@ -63,15 +63,14 @@ def framed(
     for match in reversed(matches):
         bold = thickness if match is matches[0] else max(1, thickness // 2)
         _draw_frame(shown, match, scale, bold, template=template)
-    return png(shown)
+    return shown
 
 
 def masked_template(template: Image, mask: Image | None) -> bytes:
     """Return the template as a PNG, neutral grey where its mask, or else its alpha, excludes it."""
     if mask is None:
         return png(as_rgb(template))
-    colours = template[:, :, :3] if template.ndim == 3 else template
-    shown = as_rgb(colours).copy()
+    shown = as_rgb(template[:, :, :3] if template.ndim == 3 else template).copy()
     shown[~opaque_pixels(template, mask)] = MASKED_GREY
     return png(shown)
 
@@ -92,8 +91,8 @@ def match_close_up(
     return png(shown)
 
 
-def score_map_png(score_map: FloatMap, matches: Sequence[TemplateMatch], factor: int | None = None) -> bytes:
-    """Return the score of every place as a PNG: dark at 0 and below, yellow at 1, flat places grey, matches ringed.
+def score_map_picture(score_map: FloatMap, matches: Sequence[TemplateMatch], factor: int | None = None) -> Rgb:
+    """Return the score of every place as a picture: dark at 0 and below, yellow at 1, flat places grey, matches ringed.
 
     Each pixel shows the best score of `factor` × `factor` places, because a peak is one place wide; by default the map
     is as large as fits the page.
@@ -105,7 +104,7 @@ def score_map_png(score_map: FloatMap, matches: Sequence[TemplateMatch], factor:
         radius, width = max(8, shown.shape[1] // 50), max(1, shown.shape[1] // 250)
         for colour, thickness in ((WHITE, width + 2), (FRAME, width)):  # visible on every colour
             cv2.circle(shown, centre, radius, colour, thickness, cv2.LINE_AA)
-    return png(shown)
+    return shown
 
 
 def relief(search: ReducedSearch, row: int, col: int, side: int = 400) -> Rgba:

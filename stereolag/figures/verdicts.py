@@ -115,8 +115,7 @@ MAX_LISTED = 5
 def _nearest(result: SignalLag) -> str:
     """Return the lag and the rivals nearest to it in words, and the number of others found."""
     lags = sorted((result.lag, *result.rivals[: MAX_LISTED - 1]))
-    more = 1 + len(result.rivals) - len(lags)
-    return f"The lags {'; '.join(f'{lag:,}' for lag in lags)} and at least {more} more"
+    return f"The lags {'; '.join(f'{lag:,}' for lag in lags)} and at least {1 + len(result.rivals) - len(lags)} more"
 
 
 def _samples(spacing: float) -> str:
@@ -166,8 +165,6 @@ NUMBER_WORDS = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Ei
 
 def headline(result: TemplateSearch) -> str:
     """Return the result in one line."""
-    if result.best is None:
-        return "Not found"
     if result.found:
         best, remark = result.matches[0], REMARKS.get(result.reason, "")
         if result.clear > 1:

@@ -22,7 +22,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Hashable, Iterator, Set
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache, partial, update_wrapper
 from importlib import import_module
 from pathlib import Path
@@ -100,8 +100,13 @@ class Loop(Deferred):
         self.py_func = function
         self._parameters, self._defaults = function.__code__.co_argcount, function.__defaults__ or ()
         self._code: dict[Hashable, Callable[..., Any]] = {}
-        options = {"nogil": True, "error_model": "numpy", "fastmath": set(fastmath), "no_cfunc_wrapper": True}
-        options["_nrt"] = counted
+        options: dict[str, Any] = {
+            "nogil": True,
+            "error_model": "numpy",
+            "fastmath": set(fastmath),
+            "no_cfunc_wrapper": True,
+            "_nrt": counted,
+        }
         super().__init__(lambda: numba_inside.numba(Deferred).njit(no_cpython_wrapper=True, **options)(function))
         self.for_python = cache(lambda: numba_inside.numba(Deferred).njit(**options)(function))
 
@@ -285,6 +290,21 @@ def compile_alone() -> bool:
 
 
 @contextmanager
+def python_process(*arguments: str, **options: Any) -> Iterator[Any]:
+    """Run another Python process with the import path of this one, as `subprocess.Popen`, until the context ends.
+
+    Not by multiprocessing, which would run the user's script again.
+    """
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    process = subprocess.Popen([sys.executable, "-P", *arguments], env=environment, **options)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+@contextmanager
 def compiling_beside(module: str, *arguments: Any) -> Iterator[None]:
     """Let another process compile some of the loops meanwhile, if no machine code is kept yet.
 
@@ -297,25 +317,13 @@ def compiling_beside(module: str, *arguments: Any) -> Iterator[None]:
     arguments
         Arguments of the call.
     """
-    helper = None
+    code = f"import pickle, sys; from {module} import compile_share; compile_share(*pickle.load(sys.stdin.buffer))"
     nothing_kept = compile_alone() and FOLDER is not None and not any(FOLDER.rglob("*.code"))
-    if nothing_kept and sys.executable and not hasattr(sys, "frozen"):
-        code = f"import pickle, sys; from {module} import compile_share; compile_share(*pickle.load(sys.stdin.buffer))"
-        with suppress(OSError):
-            # Not by multiprocessing, which would run the user's script again.
-            helper = subprocess.Popen(
-                [sys.executable, "-P", "-c", code],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-            )
-    try:
-        if helper is not None and helper.stdin is not None:
-            with suppress(OSError), helper.stdin:
-                pickle.dump(arguments, helper.stdin)
+    with ExitStack() as running:
+        if nothing_kept and sys.executable and not hasattr(sys, "frozen"):
+            quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+            with suppress(OSError):
+                helper = running.enter_context(python_process("-c", code, stdin=subprocess.PIPE, **quiet))
+                with helper.stdin:
+                    pickle.dump(arguments, helper.stdin)
         yield
-    finally:
-        if helper is not None:
-            helper.kill()
-            helper.wait()

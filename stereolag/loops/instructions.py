@@ -136,14 +136,15 @@ def cast(typing: Any, lanes: Any, dtype: Any) -> Any:
 
 def _conversion(source: Any, target: Any) -> str:
     """Return the name of LLVM's instruction; narrower integers keep their low bits."""
-    from_integer, to_integer = isinstance(source, types.Integer), isinstance(target, types.Integer)
-    if from_integer and to_integer:
-        return "trunc" if target.bitwidth < source.bitwidth else "sext" if source.signed else "zext"
-    if from_integer:
-        return "sitofp" if source.signed else "uitofp"
-    if to_integer:
-        return "fptosi"
-    return "fptrunc" if target.bitwidth < source.bitwidth else "fpext"
+    match is_integer(source), is_integer(target):
+        case True, True:
+            return "trunc" if target.bitwidth < source.bitwidth else "sext" if source.signed else "zext"
+        case True, False:
+            return "sitofp" if source.signed else "uitofp"
+        case False, True:
+            return "fptosi"
+        case _:
+            return "fptrunc" if target.bitwidth < source.bitwidth else "fpext"
 
 
 def _function(builder: Any, name: str, result: Any, *arguments: Any) -> Any:
@@ -296,10 +297,13 @@ def _define_operator(symbol: Callable[[Any, Any], Any], integers: str, floats: s
     lower_builtin(symbol, Lanes, Lanes)(generate)  # type: ignore[no-untyped-call]
 
 
-_define_operator(operator.add, "add", "fadd")
-_define_operator(operator.sub, "sub", "fsub")
-_define_operator(operator.mul, "mul", "fmul")
-_define_operator(operator.and_, "and_", None)
-_define_operator(operator.or_, "or_", None)
-_define_operator(operator.xor, "xor", None)
-_define_operator(operator.rshift, "lshr", None)
+for symbol, integers, floats in (
+    (operator.add, "add", "fadd"),
+    (operator.sub, "sub", "fsub"),
+    (operator.mul, "mul", "fmul"),
+    (operator.and_, "and_", None),
+    (operator.or_, "or_", None),
+    (operator.xor, "xor", None),
+    (operator.rshift, "lshr", None),
+):
+    _define_operator(symbol, integers, floats)

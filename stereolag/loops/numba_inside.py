@@ -13,8 +13,7 @@ import gc
 import hashlib
 import pickle
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import cache
 from importlib import import_module
 from importlib.machinery import EXTENSION_SUFFIXES
@@ -130,8 +129,13 @@ def compile_loop(dispatcher: Any, arguments: tuple[Any, ...]) -> tuple[Callable[
     from numba import typeof
 
     signature = tuple(map(typeof, arguments))
-    with _no_collection():
+    collects = gc.isenabled()
+    gc.disable()  # a collection takes a tenth of a compilation and finds little
+    try:
         function = dispatcher.compile(signature)
+    finally:
+        if collects:
+            gc.enable()
     result = dispatcher.overloads[signature]
     if result.lifted or result.reload_init or result.library.has_dynamic_globals:
         return function, None
@@ -142,18 +146,6 @@ def compile_loop(dispatcher: Any, arguments: tuple[Any, ...]) -> tuple[Callable[
     declared = [symbol.name for symbol in (*module.functions, *module.global_variables) if symbol.is_declaration]
     calls = tuple(name for name in declared if not name.startswith("llvm."))
     return function, MachineCode(code, result.fndesc.llvm_cpython_wrapper_name, tuple(environments.items()), calls)
-
-
-@contextmanager
-def _no_collection() -> Iterator[None]:
-    """Disable garbage collection, which takes a tenth of a compilation and finds little."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()
 
 
 def load(kept: MachineCode, function: FunctionType) -> Callable[..., Any] | None:

@@ -26,16 +26,12 @@ else:
         """Return an instruction, for loops to name."""
         if name.startswith("_"):
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        return Deferred(partial(_instruction, name))
+        return Deferred(lambda: getattr(import_module("stereolag.loops.instructions"), name))
 
 
 def lanes_for(count: int) -> int:
     """Return `count` rounded up to a multiple of sixteen lanes."""
     return -(-count // LANES) * LANES
-
-
-def _instruction(name: str) -> Any:
-    return getattr(import_module("stereolag.loops.instructions"), name)
 
 
 BEFORE_COMPILING.append(partial(import_module, "stereolag.loops.instructions"))  # its operators

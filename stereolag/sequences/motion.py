@@ -21,7 +21,6 @@ from stereolag.figures.pictures import (
     as_rgb,
     flow_colours,
     largest_motion,
-    outline_of,
     with_arrows,
     with_outlines,
 )
@@ -442,11 +441,11 @@ class MotionDetector:
             flow_picture = np.where(colours[..., 3:] > 0, colours[..., :3], np.uint8(NO_ANSWER[0]))
         if motion.scene is None:
             return picture, flow_picture
-        outlines = [
-            outline_of(motion.scene.labels == number, f"{one.speed_kmh:.0f} km/h" if one.trusted else "")
+        objects = [
+            (motion.scene.labels == number, f"{one.speed_kmh:.0f} km/h" if one.trusted else "")
             for number, one in enumerate(motion.scene.regions, start=1)
         ]
-        return with_outlines(picture, outlines), flow_picture
+        return with_outlines(picture, objects), flow_picture
 
     def _frame_and_map(self, number: int, progress: Progress | None) -> tuple[StereoFrame, DisparityMap | None]:
         """Return a frame, and its map if there is a calibration."""

@@ -16,7 +16,8 @@ from stereolag.figures.legends import Colours
 from stereolag.figures.pictures import disparity_range
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.disparities import pfm
-from stereolag.pair import Pair, PairId, example_pair
+from stereolag.pair import Pair, PairId
+from stereolag.pair_sources import example_pair
 from stereolag.samples import stereo_pairs
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher

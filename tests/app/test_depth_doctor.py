@@ -14,7 +14,8 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.assess.findings import FindingCode, Remedy
 from stereolag.figures.legends import Colours
-from stereolag.pair import Pair, PairId, Preparation, example_pair, resized
+from stereolag.pair import Pair, PairId, Preparation, resized
+from stereolag.pair_sources import example_pair
 from stereolag.samples import stereo_pairs
 from stereolag.stereo.opencv import StereoBM
 from stereolag.ui.depth.preparing import HEALTHY, chosen_remedies, prepared, show_doctor

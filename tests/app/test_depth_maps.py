@@ -12,7 +12,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag import samples
 from stereolag.figures.pictures import edge_path
-from stereolag.pair import example_pair
+from stereolag.pair_sources import example_pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.ui import results

@@ -17,7 +17,8 @@ from stereolag import SemiGlobalMatcher, StereoBM, StereoSGBM, read_image
 from stereolag.io.disparities import pfm
 from stereolag.io.images import image_png
 from stereolag.io.settings import settings_json
-from stereolag.pair import Preparation, read_bundle
+from stereolag.pair import Preparation
+from stereolag.pair_sources import read_bundle
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.depth.comparing import show_all_pairs, table_of

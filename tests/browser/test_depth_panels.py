@@ -13,7 +13,7 @@ from playwright.sync_api import Locator, Page, Position, expect
 from stereolag import samples
 from stereolag.figures.legends import Colours
 from stereolag.figures.pictures import edge_path
-from stereolag.pair import example_pair
+from stereolag.pair_sources import example_pair
 from stereolag.stereo.opencv import StereoBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.ui.depth.comparing import show_comparison

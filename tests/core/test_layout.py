@@ -9,7 +9,7 @@ from PIL import Image
 
 from benchmarks.picture_bytes import by_pillow
 from stereolag.assess.layout import Anaglyph, Layout, likely_layout, views
-from stereolag.pair import OneView, read_views
+from stereolag.pair_sources import OneView, read_views
 
 
 def scene(rows: int = 144, cols: int = 256) -> tuple[np.ndarray, np.ndarray]:

@@ -21,20 +21,8 @@ from stereolag.io.disparities import pfm, read_stored_disparity
 from stereolag.io.ground_truth import halved_truth, truth_in_px
 from stereolag.io.images import image_png, image_tiff
 from stereolag.io.settings import settings_json
-from stereolag.pair import (
-    NO_PAIRS,
-    ONE_DEPTH,
-    Pair,
-    PairId,
-    PairSet,
-    Preparation,
-    Rows,
-    assemble_pair,
-    prepare,
-    read_bundle,
-    resized,
-    session_pair,
-)
+from stereolag.pair import ONE_DEPTH, Pair, PairId, Preparation, Rows, assemble_pair, prepare, resized
+from stereolag.pair_sources import NO_PAIRS, PairSet, read_bundle, session_pair
 from tests.archives import zipped
 
 ID = PairId("images")

@@ -13,11 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stereolag.figures import pictures
+from stereolag.figures.boards import with_corners
 from stereolag.figures.legends import FAR_TO_NEAR, with_legend
 from stereolag.figures.maps import image_into_map
 from stereolag.figures.pictures import disparity_range
-from stereolag.figures.templates import framed, match_close_up, score_map_png
-from stereolag.pair import example_pair
+from stereolag.figures.templates import framed, match_close_up, score_map_picture
+from stereolag.geometry.boards import Board, Corners
+from stereolag.pair_sources import example_pair
 from stereolag.samples import stereo_pairs
 from stereolag.templates import TemplateMatch
 from tests.app.uploads import texture
@@ -65,18 +67,26 @@ def test_transparent_parts_are_grey_wide_pictures_fitted_and_the_right_of_an_ima
 def test_a_frame_leaves_the_rest_and_the_input_alone_and_is_dashed_in_doubt() -> None:
     picture = texture(60, 80)
     before, match = picture.copy(), TemplateMatch(20, 30, 10, 12, 1.0)
-    shown = decoded(framed(picture, [match]))
+    shown = framed(picture, [match])
     assert np.array_equal(picture, before)
     assert np.array_equal(shown[:10], picture[:10])
     assert np.array_equal(shown[21:29, 31:41], picture[21:29, 31:41])
-    dashed, none = decoded(framed(picture, [], [match])), decoded(framed(picture, []))
+    dashed, none = framed(picture, [], [match]), framed(picture, [])
     changed = [int((one != none).any(axis=2).sum()) for one in (shown, dashed)]
     assert 0 < changed[1] < changed[0]
 
 
+def test_corners_are_drawn_on_a_copy_of_the_picture() -> None:
+    picture = texture(60, 80)
+    before = picture.copy()
+    points = np.array([(10.0 + 20 * col, 20.0 + 20 * row) for row in range(2) for col in range(3)])
+    assert (with_corners(picture, Corners(np.arange(6), points), Board(3, 2)) != before).any()
+    assert np.array_equal(picture, before)
+
+
 def test_a_frame_is_turned_as_the_template_is() -> None:
     match = TemplateMatch(60, 80, 90, 90, 0.9, 1.0, 30.0)
-    shown = decoded(framed(np.zeros((200, 300, 3), np.uint8), [match], template=(40, 80)))
+    shown = framed(np.zeros((200, 300, 3), np.uint8), [match], template=(40, 80))
     rows, cols = np.nonzero(shown.any(axis=2))
     (_, sides, _) = cv2.minAreaRect(np.column_stack([cols, rows]).astype(np.float32))
     assert sorted(sides) == pytest.approx([40, 80], abs=10)
@@ -93,7 +103,7 @@ def test_a_peak_one_place_wide_is_seen_in_a_reduced_score_map() -> None:
     scores = np.zeros((1_000, 2_100), dtype=np.float32)
     scores[511, 1_234] = 1
     scores[600:700, 600:700] = np.nan
-    shown = decoded(score_map_png(scores, []))
+    shown = score_map_picture(scores, [])
     assert shown.shape == (334, 700, 3)
     assert shown[170, 411].tolist() == pictures.VIRIDIS[-1].tolist()
     assert tuple(shown[220, 220]) == pictures.NO_ANSWER

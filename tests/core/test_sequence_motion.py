@@ -12,7 +12,7 @@ import pytest
 from moving_drives import CAMERA, CAR_KMH, COLS, OWN_KMH, RATE, ROWS, archive, car_mask
 
 from stereolag import preset
-from stereolag.figures.pictures import FRAME, NO_ANSWER, Outline, outline_of, with_outlines
+from stereolag.figures.pictures import FRAME, NO_ANSWER, with_outlines
 from stereolag.sequences import SequenceMemory, SequenceSettings, StereoSequence, open_sequence, run_sequence
 from stereolag.sequences.frames import MOTION, read_records, table_lines
 from stereolag.sequences.motion import MotionDetector, SequenceMotion
@@ -109,9 +109,9 @@ def test_a_thing_is_outlined_and_named_within_the_picture() -> None:
     mask = np.zeros((90, 160), np.bool_)
     mask[5:40, 140:158] = True
     grey = np.full((90, 160), 100, np.uint8)
-    plain, named = (with_outlines(grey, [outline_of(mask, words)]) for words in ("", "97 km/h"))
+    plain, named = (with_outlines(grey, [(mask, words)]) for words in ("", "97 km/h"))
     pink = (np.abs(plain.astype(int) - FRAME).sum(axis=2) < 60).nonzero()
     assert pink[0].min() in (4, 5) and pink[1].max() in (157, 158) and (plain[15:30, 145:153] == 100).all()
     written = (named != plain).any(axis=2).nonzero()
     assert written[1].size > 50 and written[1].min() > 60
-    assert (with_outlines(grey, [Outline((), "nothing")]) == 100).all()
+    assert (with_outlines(grey, [(np.zeros_like(mask), "nothing")]) == 100).all()

@@ -14,7 +14,7 @@ from stereolag.assess.explaining import explain_match
 from stereolag.core.inputs import as_grey
 from stereolag.core.typography import typeset
 from stereolag.io.recordings import read_signal
-from stereolag.pair import example_pair
+from stereolag.pair_sources import example_pair
 from stereolag.signals import by_hand, phasors
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea

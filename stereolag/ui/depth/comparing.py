@@ -39,7 +39,8 @@ from stereolag.figures.maps import (
     error_png,
 )
 from stereolag.io.results import metrics_csv
-from stereolag.pair import Pair, PairSet, Preparation, prepare
+from stereolag.pair import Pair, Preparation, prepare
+from stereolag.pair_sources import PairSet
 from stereolag.stereo.evaluation import CoverageCurve, Evaluation, consensus, error_against_coverage, evaluate
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.ui import prose

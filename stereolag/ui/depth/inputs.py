@@ -22,17 +22,11 @@ from stereolag.io.guard import guarded
 from stereolag.io.images import IMAGE_SUFFIXES, Frame, read_frame
 from stereolag.io.sessions import Session
 from stereolag.io.sources import is_archive
-from stereolag.pair import (
-    SAME_PICTURE,
-    SIZES,
+from stereolag.pair import SAME_PICTURE, SIZES, ChangeCode, Pair, PairId, Preparation, assemble_pair
+from stereolag.pair_sources import (
     Bundle,
-    ChangeCode,
     OneView,
-    Pair,
-    PairId,
     PairSet,
-    Preparation,
-    assemble_pair,
     example_pair,
     likely_views,
     read_bundle,

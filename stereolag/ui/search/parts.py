@@ -105,7 +105,7 @@ def show_places(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
         show_picture(
             drawn_once(
                 "places framed",
-                lambda: figures.framed(inputs.picture, places, doubtful(result), template=inputs.template.shape),
+                lambda: png(figures.framed(inputs.picture, places, doubtful(result), template=inputs.template.shape)),
                 inputs,
                 query,
             ),
@@ -147,7 +147,7 @@ def show_scores(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
         marked = result.matches[: result.clear] or doubtful(result)
 
         def pack() -> bytes:
-            drawn = figures.score_map_png(score_map, marked)
+            drawn = png(figures.score_map_picture(score_map, marked))
             return packed_score_map(drawn, score_map, name=PANEL_NAME, words=SCORE_MAP_WORDS)
 
         component("score_map")(key="template.score_map", data=drawn_once("score map", pack, inputs, query))
@@ -190,7 +190,7 @@ def match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
         File(
             "Framed PNG",
             "framed.png",
-            framed,
+            lambda: png(framed()),
             f"The image at full size, {cols} × {rows} pixels, with a frame around every match, dashed where it is "
             "doubtful.",
             "" if result.best else "Nothing was found to frame.",
