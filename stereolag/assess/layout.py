@@ -119,12 +119,13 @@ def likely_layout(image: Image) -> tuple[Layout, bool] | None:
     Anaglyph
         A picture whose views are in its colours.
     """
-    matched = {}
-    for layout in (Layout.BESIDE, Layout.OVER_UNDER):
-        if min(image.shape[:2]) > 3:
-            left, right = views(image, layout)
-            if left.shape[1] <= MAX_ASPECT * left.shape[0]:
-                matched[layout] = _matched(left, right)
+    layouts = (Layout.BESIDE, Layout.OVER_UNDER) if min(image.shape[:2]) > 3 else ()
+    divided = {layout: views(image, layout) for layout in layouts}
+    matched = {
+        layout: _matched(left, right)
+        for layout, (left, right) in divided.items()
+        if left.shape[1] <= MAX_ASPECT * left.shape[0]
+    }
     layout = max(matched, key=lambda one: matched[one][0], default=Layout.BESIDE)
     share, median_disparity = matched.get(layout, (0.0, 0.0))
     if share < MIN_MATCHED_SHARE or _repeats(image, layout, share):
@@ -134,7 +135,7 @@ def likely_layout(image: Image) -> tuple[Layout, bool] | None:
                 "to be matched. Give both views as they were taken."
             )
         return None
-    left, right = views(image, layout)
+    left, right = divided[layout]
     height, width = left.shape[:2]
     low, high = HALF_WIDTH_ASPECTS if layout is Layout.BESIDE else HALF_HEIGHT_ASPECTS
     if low <= width / height <= high:
@@ -177,10 +178,8 @@ def _is_anaglyph(image: Image) -> bool:
     """Return whether red shows another view than green and blue; in a single view, all colours coincide."""
     red, cyan = (cv2.equalizeHist(one) for one in as_eight_bit(image[:, :, 0], image[:, :, 1]))
     disparity, _ = _coarse_disparity(red, cyan, LAYOUT_REACH_PX // 2, block_size=11, uniqueness_ratio=5)
-    known = np.isfinite(disparity)
-    if known.mean() <= MIN_MATCHED_SHARE:
-        return False
-    return bool((np.abs(disparity[known]) > MIN_COLOUR_DISPARITY_PX).mean() > MIN_COLOUR_SHARE)
+    known, apart = np.isfinite(disparity), np.abs(disparity) > MIN_COLOUR_DISPARITY_PX
+    return bool(known.mean() > MIN_MATCHED_SHARE and apart[known].mean() > MIN_COLOUR_SHARE)
 
 
 def in_words(image: Image, layout: Layout, *, crossed: bool) -> str:
