@@ -215,9 +215,8 @@ def diagnose(
     side_by_side = identical.healthy and all(finding.healthy for finding in arrangement)
     geometry = _judge_geometry(images, points) if points is not None and side_by_side else ()
     sides_known = not geometry or any(finding.healthy for finding in geometry if finding.code == FindingCode.SWAPPED)
-    disparities = None
-    if side_by_side and sides_known:
-        disparities = coarse_range(images[0], with_left_exposure(*images, points), points)
+    has_range = side_by_side and sides_known
+    disparities = coarse_range(images[0], with_left_exposure(*images, points), points) if has_range else None
     findings = (
         judge_matches(len(found)),
         identical,
@@ -247,8 +246,7 @@ def diagnose(
 
 def _judge_arrangement(images: tuple[Image, Image], found: Correspondences) -> tuple[Finding, ...]:
     """Judge whether the pictures are of two cameras side by side, of one moment, and neither is mirrored."""
-    count = mirrored_matches(*images, len(found))
-    mirrored = judge(FindingCode.MIRRORED, Remedy.MIRROR_RIGHT, count=count)
+    mirrored = judge(FindingCode.MIRRORED, Remedy.MIRROR_RIGHT, count=mirrored_matches(*images, len(found)))
     if not mirrored.healthy:
         return (mirrored,)
     angle = pure_rotation_deg(found)
@@ -282,10 +280,8 @@ def _flat_share(grey: Image, range_of_greys: float) -> float:
     """
     flat = local_deviation(grey, TEXTURE_WINDOW_PX) < MAX_FLAT_DEVIATION * range_of_greys
     count, parts = cv2.connectedComponents(flat.astype(np.uint8), connectivity=4)
-    touches_top = np.zeros(count, np.bool_)
-    touches_top[parts[0]] = True
-    touches_top[0] = False
-    sky = touches_top[parts]
+    touches_top = np.isin(np.arange(count), parts[0])
+    sky = flat & touches_top[parts]
     sky[flat.shape[0] // 2 :] = False
     ground = flat.size - int(np.count_nonzero(sky))
     return float(np.count_nonzero(flat & ~sky)) / max(1, ground)
@@ -380,9 +376,6 @@ def _judge_sides(
 TRIAL_WIDTH_PX = 640
 """Width to which a pair is reduced to try a remedy, px."""
 
-TRIAL_REACH = 0.4
-"""Reach of the search in that trial, as a share of the width."""
-
 MIN_PLAUSIBLE_SHARE = 0.35
 """Share of the pixels that must be matched after a remedy: a fifth is matched in pictures of different scenes, and 0.39
 and more in pairs with the right remedy."""
@@ -410,7 +403,7 @@ def _with_tried_remedies(
 def _share_matched(left: Image, right: Image) -> float:
     """Return the share of the pixels of a small copy that are matched."""
     small = reduced(left, TRIAL_WIDTH_PX), reduced(right, TRIAL_WIDTH_PX)
-    return float(np.isfinite(quick_map(*small, TRIAL_REACH)).mean())
+    return float(np.isfinite(quick_map(*small, reach=0.4)).mean())
 
 
 def apply_remedy(
@@ -474,8 +467,7 @@ def apply_remedy(
         transform = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -median(points.dy)]])
     else:
         transform = _levelling(points)
-    size = right.shape[1], right.shape[0]
-    return left, np.asarray(cv2.warpAffine(right, transform, size, borderMode=cv2.BORDER_REPLICATE))
+    return left, np.asarray(cv2.warpAffine(right, transform, right.shape[1::-1], borderMode=cv2.BORDER_REPLICATE))
 
 
 def _levelling(points: Correspondences) -> DoubleMap:

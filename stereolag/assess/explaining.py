@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import Box, FloatMap, ReasonMap
-from stereolag.core.inputs import as_grey, as_stereo_pair, check_window, rescale_extreme_floats
+from stereolag.core.inputs import as_grey, as_stereo_pair, rescale_extreme_floats
 from stereolag.core.jobs import Progress, silent
 from stereolag.stereo.matcher import DisparityMap, Reason
 from stereolag.stereo.windows.engines import score_surface
@@ -338,7 +338,6 @@ def explain_match(
             f"pixel ({row}, {col}) is outside the image; rows run to {height - 1}, columns to {width - 1}."
         )
     size = matcher.window_size
-    check_window(size, (height, width))
     top, start = window_start(row, height, size, matcher.step), window_start(col, width, size, matcher.step)
     grey = rescale_extreme_floats(as_grey(images[0]), as_grey(images[1]))
     query = replace(matcher.query(*grey), runner_up=False, right_matches=False)
@@ -434,9 +433,6 @@ def blank_reasons(
     return reason
 
 
-Pixel = tuple[int, int]
-
-
 class ExampleKind(StrEnum):
     """The kinds of example: some of :class:`MatchKind`, and a point that a nearer object hides from the right view."""
 
@@ -470,7 +466,7 @@ def example_pixel(
     right: npt.ArrayLike,
     *,
     progress: Progress = silent,
-) -> Pixel | None:
+) -> tuple[int, int] | None:
     """Return the (row, col) in the left image that best shows a kind of match; None if the pair has no example.
 
     The matcher provides window, search area and score; the pair is as for :func:`explain_match`.

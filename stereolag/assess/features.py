@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from stereolag.core.arrays import Mask
+from stereolag.core.arrays import Array, EightBit, FloatMap, Indices, Mask, Vector
 
-Points = npt.NDArray[np.float32]
-EightBit = npt.NDArray[np.uint8]
-Descriptors = npt.NDArray[np.integer[Any] | np.floating[Any]]
+Points = FloatMap
+Descriptors = Array
 
 MIN_MATCHES = 25
 """Number of matched features from which the geometry of a pair is judged."""
@@ -86,7 +83,7 @@ class Correspondences:
     def __len__(self) -> int:
         return len(self.left)
 
-    def chosen(self, which: Mask | npt.NDArray[np.intp]) -> Correspondences:
+    def chosen(self, which: Mask | Indices) -> Correspondences:
         """Return the matches selected by a mask or by indices."""
         return replace(self, left=self.left[which], right=self.right[which])
 
@@ -119,8 +116,8 @@ class FeatureMatches:
     points: Correspondences
     positions: Sequence[Points]
     descriptors: Sequence[Descriptors]
-    indices: npt.NDArray[np.intp]
-    distances: npt.NDArray[np.float64]
+    indices: Indices
+    distances: Vector
     norm: int
 
     def distinctive(self) -> Correspondences:
@@ -181,7 +178,7 @@ def match_features(
     return FeatureMatches(at_full_size(start, end, shape, scale), positions, descriptors, indices, distances, norm)
 
 
-def mutual_matches(left: Descriptors, right: Descriptors) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float64]]:
+def mutual_matches(left: Descriptors, right: Descriptors) -> tuple[Indices, Vector]:
     """Return the binary descriptors of both views that are nearest to each other, and the bits in which they differ.
 
     Of equally near descriptors the first is taken, as in OpenCV's ``BFMatcher`` with a cross-check, which takes twice

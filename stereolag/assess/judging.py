@@ -420,10 +420,7 @@ class Sweep:
     @property
     def best(self) -> tuple[int, int] | None:
         """Return the (row, col) of the best cell; None if none could be judged."""
-        if np.isnan(self.bad).all():
-            return None
-        row, col = divmod(int(np.nanargmin(self.bad)), len(self.cols))
-        return row, col
+        return None if np.isnan(self.bad).all() else divmod(int(np.nanargmin(self.bad)), len(self.cols))
 
 
 def sweep(

@@ -120,12 +120,13 @@ def likely_layout(image: Image) -> tuple[Layout, bool] | None:
     Anaglyph
         A picture whose views are in its colours.
     """
-    matched = {}
-    for layout in (Layout.BESIDE, Layout.OVER_UNDER):
-        if min(image.shape[:2]) > 3:
-            left, right = views(image, layout)
-            if left.shape[1] <= MAX_ASPECT * left.shape[0]:
-                matched[layout] = _matched(left, right)
+    layouts = (Layout.BESIDE, Layout.OVER_UNDER) if min(image.shape[:2]) > 3 else ()
+    divided = {layout: views(image, layout) for layout in layouts}
+    matched = {
+        layout: _matched(left, right)
+        for layout, (left, right) in divided.items()
+        if left.shape[1] <= MAX_ASPECT * left.shape[0]
+    }
     layout = max(matched, key=lambda one: matched[one][0], default=Layout.BESIDE)
     share, median_disparity = matched.get(layout, (0.0, 0.0))
     if share < MIN_MATCHED_SHARE or _repeats(image, layout, share):
@@ -135,7 +136,7 @@ def likely_layout(image: Image) -> tuple[Layout, bool] | None:
                 "to be matched. Give both views as they were taken."
             )
         return None
-    left, right = views(image, layout)
+    left, right = divided[layout]
     height, width = left.shape[:2]
     low, high = HALF_WIDTH_ASPECTS if layout is Layout.BESIDE else HALF_HEIGHT_ASPECTS
     if low <= width / height <= high:

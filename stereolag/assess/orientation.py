@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from stereolag.assess.features import (
     EXACT_TREE,
@@ -17,7 +16,6 @@ from stereolag.assess.features import (
     MIN_MATCHES,
     SAME_POINT_PX,
     Correspondences,
-    EightBit,
     Points,
     at_full_size,
     match_features,
@@ -31,7 +29,7 @@ from stereolag.assess.uncalibrated import (
     fit_rectification,
     held_out_errors,
 )
-from stereolag.core.arrays import DoubleMap, Mask, median, percentiles
+from stereolag.core.arrays import Array, DoubleMap, EightBit, Indices, Mask, median, percentiles
 from stereolag.core.inputs import Image, as_grey, transparent, with_border_transparent
 
 MIN_NOISE_PX = 0.1
@@ -146,7 +144,7 @@ def bend_of(points: Correspondences) -> tuple[DoubleMap, float]:
     return bend, lens if significant else 0.0
 
 
-def nearest_neighbours(places: Points, points: npt.NDArray[np.floating], count: int) -> npt.NDArray[np.intp]:
+def nearest_neighbours(places: Points, points: Array, count: int) -> Indices:
     """Return the (n, k) indices of the `count` places nearest to each point, or of all if there are fewer, in order."""
     tree = cv2.flann.Index(np.ascontiguousarray(places, dtype=np.float32), EXACT_TREE)
     found, _ = tree.knnSearch(np.ascontiguousarray(points, dtype=np.float32), min(count, len(places)), params={})
@@ -212,12 +210,6 @@ MAX_AGREEING_SIGMAS = 2.5
 CORNER_CELLS = 8
 """Cells across and down in which corners are tracked."""
 
-MAX_CORNERS = 40
-"""Largest number of corners tracked in a cell."""
-
-MIN_CORNER_QUALITY = 0.05
-"""Quality from which a corner is tracked, as a share of the best one in its cell."""
-
 CORNER_PYRAMID_LEVELS = 3
 """Halvings of the images in which a corner is tracked."""
 
@@ -279,8 +271,7 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
         quarters = max(range(4), key=lambda turn: np.count_nonzero(_on_a_plane(_right_turned(distinctive, turn))))
         every, distinctive = _right_turned(every, quarters), _right_turned(distinctive, quarters)
         seeds = fundamental_matrix(distinctive)[1], _on_a_plane(distinctive)
-        fits = (_refitted(distinctive, seed) for seed in seeds)
-        models = [model for model in fits if model is not None]
+        models = list(filter(None, (_refitted(distinctive, seed) for seed in seeds)))
     best = min(models, key=lambda model: _misfit(model, distinctive), default=None)
     if best is None or best.agrees(distinctive, TOLERANCES_PX[-1]).sum() < MIN_AGREEING_SHARE * len(distinctive):
         return every.chosen(np.arange(0))
@@ -340,7 +331,12 @@ def _tracked_evenly(views: tuple[EightBit, EightBit], seeds: Correspondences) ->
     for top, bottom in pairwise(rows):
         for left, right in pairwise(cols):
             cell = views[0][top:bottom, left:right]
-            found = cv2.goodFeaturesToTrack(cell, MAX_CORNERS, MIN_CORNER_QUALITY, SAME_POINT_PX) if cell.size else None
+            # The least quality is a share of that of the best corner in the cell.
+            found = (
+                cv2.goodFeaturesToTrack(cell, maxCorners=40, qualityLevel=0.05, minDistance=SAME_POINT_PX)
+                if cell.size
+                else None
+            )
             if found is not None:
                 corners.append(found.reshape(-1, 2).astype(np.float32) + np.array([left, top], np.float32))
     start = np.concatenate(corners)

@@ -6,11 +6,10 @@ import math
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from stereolag.assess.features import MIN_MATCHES, Correspondences
 from stereolag.assess.orientation import nearest_neighbours, robust_fit
-from stereolag.core.arrays import DoubleMap, FloatMap, percentiles
+from stereolag.core.arrays import Array, DoubleMap, FloatMap, percentiles
 from stereolag.core.inputs import Image
 from stereolag.stereo.opencv import StereoSGBM
 
@@ -184,7 +183,7 @@ def _rows_aligned(right: Image, points: Correspondences, scale: float) -> Image:
     A quadratic surface corrects the offset, roll and yaw of a raw pair, and most of the lens distortion.
     """
 
-    def terms(x: npt.NDArray[np.floating], y: npt.NDArray[np.floating]) -> DoubleMap:
+    def terms(x: Array, y: Array) -> DoubleMap:
         return np.column_stack([np.ones(len(x)), x, y, x * x, x * y, y * y])
 
     size = points.shape[1]

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from stereolag.assess.features import Correspondences
-from stereolag.core.arrays import DoubleMap, Mask, median
+from stereolag.core.arrays import Array, DoubleMap, Mask, median
 from stereolag.core.inputs import Image
 
 TYPICAL = np.array([0.2, 0.1, 0.2, 0.1, 0.1, 0.3, 0.02, 0.3, 0.5])
@@ -27,9 +26,6 @@ FOCAL, LENS, SHAPE = 5, 7, 8
 NOISE_PX = 0.3
 """Typical error of a match, px at the size at which it was matched."""
 
-MAX_FIT_STEPS = 30
-"""Largest number of steps of a fit."""
-
 MAX_FITTED_MATCHES = 400
 """Largest number of matches that a model is fitted to; more cost more time than they are worth."""
 
@@ -40,11 +36,8 @@ GRID_PX = 8
 """Spacing of the grid on which a warp is computed, px; between its nodes the warp is linear to a hundredth of a
 pixel."""
 
-NEWTON_STEPS = 5
-"""Number of Newton steps that undo a distortion."""
-
 MIN_DISTORTION_SLOPE = 0.1
-"""Slope of the distortion assumed in these steps at least."""
+"""Slope of the distortion assumed at least in the Newton steps that undo it."""
 
 FOLDS = 4
 """Number of parts into which matches are split for cross-validation."""
@@ -178,7 +171,7 @@ def fit_rectification(
         parameters[free] = start.parameters[free]
     damping, prior = 1e-3, np.diag(TYPICAL**-2)
     errors = scaled_errors(parameters)
-    for _ in range(MAX_FIT_STEPS):
+    for _ in range(30):
         noise = max(NOISE_PX, 1.4826 * median(np.abs(errors)))
         slopes = _slopes(scaled_errors, parameters, errors)
         weights = 1 / (1 + (errors / (2 * noise)) ** 2) / noise**2
@@ -247,14 +240,12 @@ def _cameras(parameters: DoubleMap) -> tuple[float, tuple[tuple[DoubleMap, float
     return length, ((left_rotation, length), (right_rotation, float(np.exp(focal + ratio))))
 
 
-def _rectified(
-    parameters: DoubleMap, shape: tuple[int, int], *views: npt.NDArray[np.floating]
-) -> tuple[DoubleMap, DoubleMap]:
+def _rectified(parameters: DoubleMap, shape: tuple[int, int], *views: Array) -> tuple[DoubleMap, DoubleMap]:
     """Return the rectified positions of points of the left and right images, before both are moved into the frame."""
     return _turned(parameters, shape, *_straightened(parameters, shape, *views))
 
 
-def _straightened(parameters: DoubleMap, shape: tuple[int, int], *views: npt.NDArray[np.floating]) -> list[DoubleMap]:
+def _straightened(parameters: DoubleMap, shape: tuple[int, int], *views: Array) -> list[DoubleMap]:
     """Return the undistorted positions of the points of each view, in widths from the centre."""
     width, centre = shape[1], centre_of(shape)
     with np.errstate(all="ignore"):  # a step of the fit may try an impossible lens
@@ -292,7 +283,7 @@ def _undistorted(distorted: DoubleMap, parameters: DoubleMap) -> DoubleMap:
     second, fourth = _radial(parameters)
     target = np.sqrt((distorted**2).sum(axis=1, keepdims=True))
     radius = target
-    for _ in range(NEWTON_STEPS):
+    for _ in range(5):
         square = radius**2
         slope = np.maximum(1 + 3 * second * square + 5 * fourth * square**2, MIN_DISTORTION_SLOPE)
         radius = np.maximum(radius - (radius * (1 + second * square + fourth * square**2) - target) / slope, 0)

@@ -32,6 +32,9 @@ Indices: TypeAlias = npt.NDArray[np.intp]
 Rgb: TypeAlias = npt.NDArray[np.uint8]
 """(..., 3) uint8."""
 
+EightBit: TypeAlias = npt.NDArray[np.uint8]
+"""uint8, such as the (H, W) grey levels of an image."""
+
 
 @dataclass(frozen=True)
 class Box:

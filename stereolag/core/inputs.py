@@ -213,6 +213,13 @@ def as_images(
     return image_1, image_2
 
 
+def check_positive(value: float, name: str, unit: str = "") -> None:
+    """Raise ValueError for a number, in this unit, that is not finite and above 0."""
+    if not (value > 0 and math.isfinite(value)):
+        given = f"{name} is {value} {unit}".rstrip()
+        raise ValueError(f"{given}; allowed are finite numbers above 0.")
+
+
 MIN_GREY_LEVELS = 128
 """Evenly spaced levels in use from which on they are grey levels of 8 bits; fewer are stretched."""
 

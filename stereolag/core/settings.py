@@ -14,7 +14,7 @@ from types import NoneType
 from typing import Any, Literal, NamedTuple, Self, TypeVar, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt, MultipleOf
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, model_validator
 from pydantic.fields import FieldInfo
 
 from stereolag.core.typography import enumeration
@@ -132,6 +132,13 @@ class Bounds:
 def marker(field: FieldInfo, kind: type[T]) -> T | None:
     """Return a field's marker of the given kind, None if it has none."""
     return next((entry for entry in field.metadata if isinstance(entry, kind)), None)
+
+
+def odd(size: int, info: ValidationInfo) -> int:
+    """Return a size if it is odd: for the field of a window whose middle is a pixel."""
+    if size % 2 == 0:
+        raise ValueError(f"{info.field_name} is {size}; allowed are odd sizes, so that a pixel is the middle.")
+    return size
 
 
 def multiple_of(field: FieldInfo) -> int:

@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from stereolag.core.arrays import DoubleMap, Vector
+from stereolag.core.arrays import DoubleMap, Indices, Vector
 from stereolag.geometry.boards import Board, Corners
 from stereolag.geometry.calibrating import ENOUGH_COVERAGE, covered_cells
 
@@ -195,7 +194,7 @@ class Collected:
     def _covered(self) -> float:
         return float(self.cells.mean(axis=(1, 2)).min())
 
-    def _empty_parts(self) -> npt.NDArray[np.intp]:
+    def _empty_parts(self) -> Indices:
         """Return the numbers of the parts in which no board has been held, the least covered one first."""
         zones = np.digitize([pose[:2] for pose in self.poses] or np.empty((0, 2)), (BORDER_ZONE, 1 - BORDER_ZONE))
         rows = np.array_split(self.cells.mean(axis=0), 3)

@@ -12,13 +12,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import DoubleMap, Rgb
+from stereolag.core.arrays import DoubleMap, EightBit, Rgb
 from stereolag.core.inputs import as_eight_bit, as_grey, as_image
 from stereolag.core.jobs import Progress, silent
 from stereolag.geometry.rectification import scaled_image
-
-Grey8 = npt.NDArray[np.uint8]
-"""(rows, cols) uint8."""
 
 MIN_CORNERS, MAX_CORNERS = 2, 50
 """Limits of the number of inner corners in a row or a column of a board."""
@@ -143,13 +140,12 @@ def charuco_board(board: Board) -> Any:
     return charuco
 
 
-def board_picture(board: Board, square_px: int) -> Rgb | Grey8:
+def board_picture(board: Board, square_px: int) -> Rgb | EightBit:
     """Return the board as printed, with squares of `square_px` px and a white margin of one square around it.
 
     The first inner corner is between the pixels at ``2 * square_px``.
     """
     squares = board.columns + 1, board.rows + 1
-    margin = MARGIN_SQUARES * square_px
     if board.markers is None:
         rows, cols = np.indices((squares[1], squares[0]))
         pattern = np.where((rows + cols) % 2, 255, 0).astype(np.uint8)
@@ -160,7 +156,7 @@ def board_picture(board: Board, square_px: int) -> Rgb | Grey8:
         whole = replace(board.markers, share=round(board.markers.share * square_px) / square_px)
         drawn = charuco_board(replace(board, markers=whole)).generateImage(size, marginSize=0)
         picture = np.asarray(drawn, dtype=np.uint8)
-    return np.pad(picture, margin, constant_values=255)
+    return np.pad(picture, MARGIN_SQUARES * square_px, constant_values=255)
 
 
 MAX_SEARCH_SIDE_PX = 1200
@@ -192,26 +188,23 @@ _THOROUGH_FLAGS = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
 Detector = tuple[Callable[..., Any], int]
 """A chessboard detector of OpenCV and its flags."""
 
-QUICK_DETECTOR: Detector = cv2.findChessboardCornersSB, _QUICK_FLAGS
 SQUARES_DETECTOR: Detector = (
     cv2.findChessboardCorners,
     cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK,
 )
-THOROUGH_DETECTOR: Detector = cv2.findChessboardCornersSB, _THOROUGH_FLAGS
 
 
-def find_chessboard(grey: Grey8, board: Board) -> Corners | None:
+def find_chessboard(grey: EightBit, board: Board) -> Corners | None:
     """Return all corners of a chessboard in a picture; None if it is not found as a whole.
 
     Corners are found by OpenCV's detectors in a picture of moderate size (Duda and Frese, BMVC 2018, and the older one
     by the squares' outlines), then refined in the full picture by ``cv2.cornerSubPix``, each in a window that fits
     between its neighbours: on drawn boards that is two to three times as accurate as the detectors.
     """
-    picture, factor = reduced(grey, MAX_SEARCH_SIDE_PX)
-    found = _detect_corners(picture, (board.columns, board.rows), (QUICK_DETECTOR, SQUARES_DETECTOR, THOROUGH_DETECTOR))
-    if found is None:
+    quick, thorough = ((cv2.findChessboardCornersSB, flags) for flags in (_QUICK_FLAGS, _THOROUGH_FLAGS))
+    points = _detected(grey, board, MAX_SEARCH_SIDE_PX, (quick, SQUARES_DETECTOR, thorough))
+    if points is None:
         return None
-    points = (found + 0.5) / factor - 0.5
     spacing = _spacing(points.reshape(board.rows, board.columns, 2)).ravel()
     refined = refined_in_windows(grey, points, HALF_WINDOW_SHARE * spacing)
     too_far = (np.linalg.norm(refined - points, axis=1) > MAX_CORNER_SHIFT * spacing).any()
@@ -222,26 +215,25 @@ MAX_LIVE_SIDE_PX = 480
 """Maximum side of the frames of a live camera that are searched for a chessboard, px."""
 
 
-def find_in_live_frame(grey: Grey8, board: Board) -> Corners | None:
+def find_in_live_frame(grey: EightBit, board: Board) -> Corners | None:
     """Return the corners of a board to a fraction of a pixel; None if the quickest detector does not find them.
 
     This takes a tenth of the time of :func:`find_chessboard`, and less for a picture without a board.
     """
     if board.markers is not None:
         return find_charuco(grey, board)
-    picture, factor = reduced(grey, MAX_LIVE_SIDE_PX)
-    found = _detect_corners(picture, (board.columns, board.rows), (SQUARES_DETECTOR,))
-    return None if found is None else Corners(np.arange(board.corners), (found + 0.5) / factor - 0.5)
+    points = _detected(grey, board, MAX_LIVE_SIDE_PX, (SQUARES_DETECTOR,))
+    return None if points is None else Corners(np.arange(board.corners), points)
 
 
-def reduced(grey: Grey8, max_side: int) -> tuple[Grey8, float]:
+def reduced(grey: EightBit, max_side: int) -> tuple[EightBit, float]:
     """Return a picture with sides of at most `max_side` px, and its scale relative to the original."""
     factor = min(1.0, max_side / max(grey.shape))
     small = np.asarray(scaled_image(grey, factor), dtype=np.uint8)
     return small, small.shape[1] / grey.shape[1]
 
 
-def refined_in_windows(grey: Grey8, points: DoubleMap, half_sides: npt.NDArray[np.float64]) -> DoubleMap:
+def refined_in_windows(grey: EightBit, points: DoubleMap, half_sides: npt.NDArray[np.float64]) -> DoubleMap:
     """Return (n, 2) corners, each refined in a window with its own half side, px."""
     half_sides = np.clip(half_sides, *HALF_WINDOW_LIMITS_PX).astype(int)
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-4)
@@ -253,14 +245,14 @@ def refined_in_windows(grey: Grey8, points: DoubleMap, half_sides: npt.NDArray[n
     return refined
 
 
-def guess_chessboard(pictures: Iterable[Grey8], *, thorough: bool = True) -> Board | None:
+def guess_chessboard(pictures: Iterable[EightBit], *, thorough: bool = True) -> Board | None:
     """Return the chessboard that most of the pictures show; None if none shows one. No more are read than needed.
 
     The largest complete grid is detected in each picture. A grid with an extra row, formed by something beside the
     board, or with one missing, where the board is cut off, occurs by chance, but the right one again and again.
     """
     votes: Counter[tuple[int, int]] = Counter()
-    searched: list[Grey8] = []
+    searched: list[EightBit] = []
     for grey in pictures:
         searched.append(reduced(grey, MAX_SEARCH_SIDE_PX)[0])
         votes.update(_largest_grid(searched[-1], _QUICK_FLAGS))
@@ -271,7 +263,7 @@ def guess_chessboard(pictures: Iterable[Grey8], *, thorough: bool = True) -> Boa
     return Board(*max(votes, key=lambda size: (votes[size], size[0] * size[1]))) if votes else None
 
 
-def _largest_grid(picture: Grey8, flags: int) -> Sequence[tuple[int, int]]:
+def _largest_grid(picture: EightBit, flags: int) -> Sequence[tuple[int, int]]:
     """Return the size of the largest grid in a picture, the longer side first, as one item; none if there is none."""
     found, _, grid = cv2.findChessboardCornersSBWithMeta(picture, MIN_GUESSED_SIZE, flags | cv2.CALIB_CB_LARGER)
     if not found or min(grid.shape) < min(MIN_GUESSED_SIZE):
@@ -279,17 +271,18 @@ def _largest_grid(picture: Grey8, flags: int) -> Sequence[tuple[int, int]]:
     return ((max(grid.shape), min(grid.shape)),)
 
 
-def _detect_corners(picture: Grey8, size: tuple[int, int], detectors: Sequence[Detector]) -> DoubleMap | None:
-    """Return (n, 2) corners from the first detector that finds them all.
+def _detected(grey: EightBit, board: Board, max_side: int, detectors: Sequence[Detector]) -> DoubleMap | None:
+    """Return (n, 2) corners from the first detector that finds them all, in a picture reduced to `max_side` px.
 
     If the ends of the board differ in colour, the first corner is at the white end, whichever detector found it.
     """
+    (picture, factor), size = reduced(grey, max_side), (board.columns, board.rows)
     for detector in detectors:
         detect, flags = detector
         found, points = detect(picture, size, flags=flags)
         # On small boards they may skip an inner row and end at the board's edge instead.
         if found and _is_even(np.reshape(points, (size[1], size[0], 2))):
-            corners = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+            corners = (np.asarray(points, dtype=np.float64).reshape(-1, 2) + 0.5) / factor - 0.5
             return corners[::-1] if detector is SQUARES_DETECTOR and sum(size) % 2 else corners
     return None
 
@@ -346,9 +339,6 @@ MAX_GUESS_SIDE_PX = 1200
 MAX_FITTED_PICTURES = 3
 """Number of pictures, those with the most markers, used to count the squares of the board."""
 
-MAX_RANSAC_DRAWS = 60
-"""Random draws of four markers: on the right board nearly any four will do, and on a wrong one none."""
-
 MIN_MARKERS = 4
 """Minimum number of markers in a picture of a ChArUco board."""
 
@@ -363,7 +353,7 @@ class DetectedMarkers(NamedTuple):
     corners: DoubleMap
 
 
-def find_charuco(grey: Grey8, board: Board) -> Corners | None:
+def find_charuco(grey: EightBit, board: Board) -> Corners | None:
     """Return the corners of a ChArUco board in a picture; None if fewer than six, or only one row, are found."""
     assert board.markers is not None
     picture, factor = reduced(grey, MAX_MARKER_SEARCH_SIDE_PX)
@@ -382,7 +372,7 @@ def find_charuco(grey: Grey8, board: Board) -> Corners | None:
     return Corners(found, corners)
 
 
-def guess_charuco(pictures: Iterable[Grey8], size: tuple[int, int] | None = None) -> Board | None:
+def guess_charuco(pictures: Iterable[EightBit], size: tuple[int, int] | None = None) -> Board | None:
     """Return the ChArUco board that the pictures show; None if they show none.
 
     `size` is its columns and rows of inner corners, in either order, if they are known.
@@ -436,7 +426,7 @@ def _smallest_square_px(board: Board, numbers: npt.NDArray[np.intp], corners: Do
     return float(lengths.min()) if lengths.size else 0.0
 
 
-def _likeliest_dictionary(pictures: Sequence[Grey8]) -> str | None:
+def _likeliest_dictionary(pictures: Sequence[EightBit]) -> str | None:
     """Return the dictionary whose first markers are found most often; None if there are hardly any."""
     best, best_count = None, 0
     for name in DICTIONARIES:
@@ -449,7 +439,7 @@ def _likeliest_dictionary(pictures: Sequence[Grey8]) -> str | None:
     return best
 
 
-def _detect_markers(dictionary: str, pictures: Sequence[Grey8], count: int) -> list[DetectedMarkers]:
+def _detect_markers(dictionary: str, pictures: Sequence[EightBit], count: int) -> list[DetectedMarkers]:
     """Return those of the first `count` markers of a dictionary that are found in each picture."""
     detector = cv2.aruco.ArucoDetector(first_markers(dictionary, count))
     detected = []
@@ -477,7 +467,8 @@ def _consistent_markers(markers: DetectedMarkers, width: int, shift: int) -> Det
     """Return the markers consistent with a plane board that is `width` squares wide, with their corners in squares."""
     limit = 0.5 * float(np.median(_side_lengths(markers.corners)))
     squares, centres = _marker_squares(markers.numbers, width, shift) + 0.5, markers.corners.mean(axis=1)
-    homography, _ = cv2.findHomography(squares, centres, cv2.RANSAC, limit, maxIters=MAX_RANSAC_DRAWS)
+    # Few draws suffice: on the right board nearly any four markers will do, and on a wrong one none.
+    homography, _ = cv2.findHomography(squares, centres, cv2.RANSAC, limit, maxIters=60)
     if homography is None:
         return DetectedMarkers(markers.numbers[:0], markers.corners[:0])
     expected = cv2.perspectiveTransform(squares[:, None], homography)[:, 0]
@@ -598,7 +589,7 @@ def guess_board(pairs: Pairs, size: tuple[int, int] | None = None) -> Board:
     return board
 
 
-def grey_pair(left: npt.ArrayLike, right: npt.ArrayLike) -> tuple[Grey8, Grey8]:
+def grey_pair(left: npt.ArrayLike, right: npt.ArrayLike) -> tuple[EightBit, EightBit]:
     """Return both pictures as (rows, cols) uint8."""
     first, second = (as_grey(as_image(value, name)) for value, name in ((left, "left"), (right, "right")))
     return as_eight_bit(first, first)[0], as_eight_bit(second, second)[0]

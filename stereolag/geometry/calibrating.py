@@ -11,11 +11,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import DoubleMap
+from stereolag.core.arrays import DoubleMap, EightBit
+from stereolag.core.inputs import check_positive
 from stereolag.core.jobs import Progress, silent
 from stereolag.geometry.board_shapes import BothCorners, measured_shape, observations_of, seems_bent
-from stereolag.geometry.boards import Board, BoardViews, Corners, Grey8, Pairs, find_boards
-from stereolag.geometry.calibration import Calibration, StereoRig, check_positive
+from stereolag.geometry.boards import Board, BoardViews, Corners, Pairs, find_boards
+from stereolag.geometry.calibration import Calibration, StereoRig
 from stereolag.geometry.camera_fits import (
     MIN_PAIRS,
     MIN_PICTURES_TO_VALIDATE,
@@ -168,7 +169,7 @@ class StereoCalibration:
         return tuple(number for number, pair in enumerate(self.pairs) if pair.left_out is None)
 
 
-def covered_cells(corners: Sequence[Corners], size: tuple[int, int]) -> Grey8:
+def covered_cells(corners: Sequence[Corners], size: tuple[int, int]) -> EightBit:
     """Return a grid of cells over a picture: 1 where the board was in at least one of the pictures, 0 elsewhere."""
     cells = np.zeros((COVERAGE_CELLS, COVERAGE_CELLS), np.uint8)
     for one in corners:
@@ -309,9 +310,11 @@ def _exclusion_reasons(views: BoardViews, leave_out: Collection[int]) -> list[Le
         if set(views.sizes[number]) != {views.size}:
             reason = LeftOut.OTHER_SIZE
         elif left is None or right is None:
-            neither = left is None and right is None
-            one_missing = LeftOut.NOT_FOUND_LEFT if left is None else LeftOut.NOT_FOUND_RIGHT
-            reason = LeftOut.NOT_FOUND if neither else one_missing
+            reason = {
+                (True, True): LeftOut.NOT_FOUND,
+                (True, False): LeftOut.NOT_FOUND_LEFT,
+                (False, True): LeftOut.NOT_FOUND_RIGHT,
+            }[left is None, right is None]
         elif not _share_enough(left, right, views.board):
             reason = LeftOut.FEW_IN_COMMON
         elif any(_same_view(left, kept_left) and _same_view(right, kept_right) for kept_left, kept_right in kept):

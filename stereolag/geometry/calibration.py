@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import FloatMap
-from stereolag.core.inputs import Image, as_image
+from stereolag.core.inputs import Image, as_image, check_positive
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 """Units of length, in metres."""
@@ -125,8 +125,6 @@ class StereoRig:
     fisheye: bool = False
 
     def __post_init__(self) -> None:
-        set_array(self, "left_matrix", (3, 3))
-        set_array(self, "right_matrix", (3, 3))
         set_array(self, "rotation", (3, 3), 10.0)
         set_array(self, "translation", (3,), BASELINE_LIMITS_M[1])
         for name in ("left_distortion", "right_distortion"):
@@ -140,6 +138,7 @@ class StereoRig:
             if size == 0:
                 object.__setattr__(self, name, np.zeros(4 if self.fisheye else 5))
         for name in ("left_matrix", "right_matrix"):
+            set_array(self, name, (3, 3))
             matrix = getattr(self, name)
             if not (matrix[0, 0] > 0 and matrix[1, 1] > 0 and np.array_equal(matrix[2], (0, 0, 1))):
                 raise ValueError(f"{name} is not [[f, 0, cx], [0, f, cy], [0, 0, 1]] with focal lengths above 0.")
@@ -218,12 +217,6 @@ def check_rotation(rotation: npt.NDArray[np.float64], name: str) -> None:
     """Refuse a (3, 3) matrix that is not a rotation."""
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3) or np.linalg.det(rotation) < 0:
         raise ValueError(f"{name} is not a rotation: its rows must be orthogonal and of length 1.")
-
-
-def check_positive(value: float, name: str) -> None:
-    """Refuse a number that is not finite and above 0."""
-    if not (value > 0 and math.isfinite(value)):
-        raise ValueError(f"{name} is {value}; allowed are finite numbers above 0.")
 
 
 def check_range(value: float, name: str, bounds: tuple[float, float]) -> None:
@@ -472,9 +465,9 @@ class Calibration:
         )
         if self.plausible:
             return summary
-        condition, factor = "if its lengths are in millimetres", 1e-3
-        if self.baseline_m < PLAUSIBLE_BASELINES_M[0]:
-            condition, factor = "if its unit is a thousand times as long", 1e3
+        too_short = self.baseline_m < PLAUSIBLE_BASELINES_M[0]
+        condition = "if its unit is a thousand times as long" if too_short else "if its lengths are in millimetres"
+        factor = 1e3 if too_short else 1e-3
         return (
             f"{summary} No stereo camera is like that: {condition}, the baseline is {factor * self.baseline_m:.3g} m; "
             "state the unit of its lengths."

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import cv2
@@ -213,7 +214,7 @@ def suitable_lens(both: Sequence[Sequence[Observation]], size: tuple[int, int]) 
 
 def _validation_error(both: Sequence[Sequence[Observation]], size: tuple[int, int], flags: int, folds: int) -> float:
     """Return the median error on pictures left out, px RMS; with a single fold none is left out."""
-    errors = []
+    errors: list[float] = []
     for observations in both:
         for fold in range(folds):
             training = [one for number, one in enumerate(observations) if folds == 1 or number % folds != fold]
@@ -221,8 +222,10 @@ def _validation_error(both: Sequence[Sequence[Observation]], size: tuple[int, in
                 camera, _, _ = fit_camera(training, size, flags)
             except ValueError:
                 return np.inf
-            for points, image_points in observations[fold::folds]:
-                errors.append(_rms(camera.project(points, camera.pose(points, image_points)) - image_points))
+            errors += [
+                _rms(camera.project(points, camera.pose(points, image_points)) - image_points)
+                for points, image_points in observations[fold::folds]
+            ]
     return float(np.median(errors))
 
 
@@ -290,16 +293,14 @@ def agreeing_fit(pairs: dict[int, ObservedPair], fits: SeparateFits, size: tuple
     used, orders = _largest_consensus(pairs, fits.left, fits.right, size[0])
     _check_majority(used, pairs)
 
-    def fitted(used: Sequence[int], flags: int) -> JointFit:
-        return _joint_fit(pairs, tuple(used), orders, fits.left, fits.right, size, flags)
-
+    fitted = partial(_joint_fit, pairs, orders, fits, size)
     # The cameras were calibrated separately, which no contradiction between left and right can spoil: they stay fixed
     # until the agreeing pairs are known. The best of these are fitted first, so that no outlier bends the fit.
     fixed = fits.flags | cv2.CALIB_FIX_INTRINSIC
     fit = fitted(used, fixed)
     count = max(MIN_PAIRS, round(BEST_PAIRS_SHARE * len(used)))
     best = sorted(used, key=lambda number: max(fit.errors[number]))[:count]
-    fit = fitted(sorted(best), fixed)
+    fit = fitted(tuple(sorted(best)), fixed)
     for _ in range(5):  # until the pairs that agree with the fit are those it was made from
         median_error = float(np.median([max(fit.errors[number]) for number in fit.used]))
         limit = max(MIN_CONTRADICTION_PX * size[0] / 1000, CONTRADICTION_MEDIAN_RATIO * median_error)
@@ -355,28 +356,26 @@ def _largest_consensus(
 
 def _joint_fit(
     pairs: dict[int, ObservedPair],
-    used: tuple[int, ...],
     orders: dict[int, int],
-    left: Camera,
-    right: Camera,
+    fits: SeparateFits,
     size: tuple[int, int],
+    used: tuple[int, ...],
     flags: int,
 ) -> JointFit:
     """Return both cameras fitted together to the used pairs, with the errors of all pairs."""
-    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-9)
     rms, *cameras, rotation, translation, _, _, _, _, errors = cv2.stereoCalibrateExtended(
         [pairs[number].points.astype(np.float32) for number in used],
         [pairs[number].left.astype(np.float32) for number in used],
         [pairs[number].right[orders[number]].astype(np.float32) for number in used],
-        left.matrix.copy(),
-        left.distortion.copy(),
-        right.matrix.copy(),
-        right.distortion.copy(),
+        fits.left.matrix.copy(),
+        fits.left.distortion.copy(),
+        fits.right.matrix.copy(),
+        fits.right.distortion.copy(),
         size,
         np.eye(3),
         np.zeros((3, 1)),
         flags=flags | cv2.CALIB_USE_INTRINSIC_GUESS,
-        criteria=criteria,
+        criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-9),
     )
     arrays = [np.asarray(one, dtype=np.float64) for one in (*cameras, rotation, translation)]
     both = Camera(arrays[0], arrays[1].ravel()), Camera(arrays[2], arrays[3].ravel())
@@ -431,10 +430,11 @@ def rig_of(fit: JointFit, size: tuple[int, int], square_m: float) -> StereoRig:
             f"The right camera stands {abs(up) * square_m:.3g} m above or below the left one and "
             f"{abs(across) * square_m:.3g} m beside it; allowed are cameras side by side, or one above the other."
         )
-    lenses = []
-    for distortion in (fit.left.distortion, fit.right.distortion):
-        # Without the trailing zeros of richer models.
-        used = int(np.flatnonzero(distortion).max(initial=0)) + 1
-        lenses.append(distortion[: next(count for count in (5, 8, 12, 14) if count >= used)])
-    translation = fit.pose.translation * square_m
-    return StereoRig(fit.left.matrix, lenses[0], fit.right.matrix, lenses[1], fit.pose.rotation, translation, *size)
+    left, right = ((camera.matrix, _without_zeros(camera.distortion)) for camera in (fit.left, fit.right))
+    return StereoRig(*left, *right, fit.pose.rotation, fit.pose.translation * square_m, *size)
+
+
+def _without_zeros(distortion: Vector) -> Vector:
+    """Return the coefficients of a lens without the trailing zeros of richer models."""
+    used = int(np.flatnonzero(distortion).max(initial=0)) + 1
+    return distortion[: next(count for count in (5, 8, 12, 14) if count >= used)]

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 
-from stereolag.geometry.boards import MARGIN_SQUARES, Board, Grey8, board_picture
+from stereolag.core.arrays import EightBit
+from stereolag.geometry.boards import MARGIN_SQUARES, Board, board_picture
 from stereolag.geometry.calibration import StereoRig
 from stereolag.geometry.camera_fits import Camera, Pose
 
@@ -50,7 +51,7 @@ class DrawnCamera:
         rays = cv2.undistortPoints(pixels, camera.matrix, camera.distortion, criteria=criteria)
         self._rays = cv2.convertPointsToHomogeneous(rays)[:, 0].astype(np.float64)
 
-    def picture(self, board: Board, pose: Pose) -> Grey8:
+    def picture(self, board: Board, pose: Pose) -> EightBit:
         """Return the picture of a board at a pose, (height, width) uint8."""
         # Homogeneous coordinates on the board's plane, in squares.
         on_board = self._rays @ np.linalg.inv(np.column_stack((pose.rotation[:, :2], pose.translation))).T
@@ -74,7 +75,7 @@ class DrawnCamera:
 
 
 @functools.lru_cache(maxsize=4)
-def _printed(board: Board) -> Grey8:
+def _printed(board: Board) -> EightBit:
     """Return the board's picture in the grey levels of ink and paper."""
     return np.where(board_picture(board, SQUARE_PX) > 127, PAPER_LEVEL, INK_LEVEL).astype(np.uint8)
 
@@ -87,7 +88,7 @@ def drawn_pairs(
     square_m: float,
     seed: int = 0,
     partly: bool = False,
-) -> Iterator[tuple[Grey8, Grey8]]:
+) -> Iterator[tuple[EightBit, EightBit]]:
     """Draw pairs of a board held at various positions and tilts in front of a stereo camera.
 
     The seed determines the positions, tilts and noise; `partly`: up to half of the board may be outside a picture.
@@ -152,7 +153,7 @@ def _random_poses(
     )
 
 
-def _with_imaging_defects(picture: Grey8, random: np.random.Generator) -> Grey8:
+def _with_imaging_defects(picture: EightBit, random: np.random.Generator) -> EightBit:
     """Return a picture with light falling off to one side, lens blur and sensor noise."""
     first_gain, last_gain = 1 + random.uniform(-0.15, 0.15, 2)
     blurred = cv2.GaussianBlur(picture * np.linspace(first_gain, last_gain, picture.shape[1]), (0, 0), BLUR_PX)

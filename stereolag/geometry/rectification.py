@@ -288,9 +288,6 @@ MIN_RESIZED_RATIO = 1.4
 MAX_AXES_RATIO = 1.15
 """Maximum ratio between those two ratios in resized images."""
 
-MAX_PREVIEW_PIXELS = 1_000_000
-"""Maximum number of pixels of a preview."""
-
 
 def cropped_to_common_size(left: Image, right: Image) -> tuple[Image, Image]:
     """Return both images cropped to the rows and columns they share, from the top left.
@@ -311,10 +308,6 @@ def cropped_to_common_size(left: Image, right: Image) -> tuple[Image, Image]:
     return left[:rows, :cols], right[:rows, :cols]
 
 
-BIT_DEPTHS = (8, 10, 12, 14, 16)
-"""Bit depths of cameras whose images are stored in 16 bits."""
-
-
 def as_same_bit_depth(left: Image, right: Image) -> tuple[Image, Image]:
     """Return both images in 16 bits if one has 8 and the other 16; otherwise unchanged.
 
@@ -326,7 +319,7 @@ def as_same_bit_depth(left: Image, right: Image) -> tuple[Image, Image]:
     deep, shallow = (left, right) if left.dtype == np.uint16 else (right, left)
     brightest, mean, target = int(deep.max()), _mean(deep), _mean(shallow) / 255
     bits = min(
-        (bits for bits in BIT_DEPTHS if brightest < 2**bits),
+        (bits for bits in (8, 10, 12, 14, 16) if brightest < 2**bits),
         key=lambda bits: abs(math.log((mean / (2**bits - 1) + 1e-6) / (target + 1e-6))),
     )
     stretched = np.minimum(np.rint(np.arange(2**16) * (65535 / (2**bits - 1))), 65535).astype(np.uint16)
@@ -399,4 +392,4 @@ def preview_divisor(width: int, height: int) -> int:
 
     A matcher's time grows with the number of pixels times the disparities: a third of the size takes a 27th of it.
     """
-    return math.ceil(math.sqrt(width * height / MAX_PREVIEW_PIXELS))
+    return math.ceil(math.sqrt(width * height / 1e6))

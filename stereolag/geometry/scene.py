@@ -268,8 +268,7 @@ class Ground(NamedTuple):
 
     def disparities(self, rows: int) -> FloatMap:
         """Return the (rows, 1) disparity of the ground in each row of a picture, px: negative above the horizon."""
-        below_horizon = np.arange(rows, dtype=np.float32)[:, None] - np.float32(self.horizon)
-        return np.float32(self.slope) * below_horizon
+        return np.float32(self.slope) * (np.arange(rows, dtype=np.float32)[:, None] - np.float32(self.horizon))
 
 
 def ground_of(disparity: FloatMap, known: Mask | None = None) -> Ground | None:
@@ -354,6 +353,4 @@ def nearest_obstacle(disparity: npt.ArrayLike, measured: Mask | None = None) -> 
     sixteenths[known] = np.clip(16 * values[known], _NO_SURFACE + 1, np.iinfo(np.int16).max)
     cv2.filterSpeckles(sixteenths, _NO_SURFACE, rank - 1, round(16 * MAX_SURFACE_STEP_PX))
     obstacles = values[(sixteenths != _NO_SURFACE) & (values > min_disparity)]
-    if obstacles.size < rank:
-        return math.nan
-    return float(np.partition(obstacles, obstacles.size - rank)[obstacles.size - rank])
+    return float(np.partition(obstacles, -rank)[-rank]) if obstacles.size >= rank else math.nan

@@ -8,9 +8,8 @@ from typing import NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from stereolag.core.arrays import Array, FloatMap
+from stereolag.core.arrays import Array, FloatMap, Mask
 from stereolag.core.inputs import Image
 from stereolag.loops.bands import over_image
 from stereolag.loops.compilation import compiled
@@ -22,7 +21,7 @@ from stereolag.stereo.windows.pixels import fit_in_two_dimensions, fit_peaks
 from stereolag.stereo.windows.scores import change, changing_rows, row_change
 from stereolag.stereo.windows.search import MAX_LAGS, LagMap, LagRange, WindowMatches, WindowQuery
 
-Flow: TypeAlias = npt.NDArray[np.float32]
+Flow: TypeAlias = FloatMap
 """(2, H, W) float32: dy and dx, px of the level."""
 
 NO_SCORE = np.float32(-2)
@@ -51,13 +50,13 @@ def end_points(flow: Flow, step: int = 1) -> tuple[FloatMap, FloatMap]:
     return flow[0] + rows[:, None], flow[1] + cols
 
 
-def warped(image: Image, flow: Flow) -> Image:
-    """Return the image warped back along a flow, with bilinear interpolation and replicated borders."""
-    row, col = end_points(flow)
+def warped(image: Image, flow: Flow, step: int = 1) -> Image:
+    """Return the image warped back along a flow from pixels `step` px apart: bilinear, with replicated borders."""
+    row, col = end_points(flow, step)
     return np.asarray(cv2.remap(image, col, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
 
-def leaves_frame(flow: Flow, shape: tuple[int, ...], step: int = 1) -> npt.NDArray[np.bool_]:
+def leaves_frame(flow: Flow, shape: tuple[int, ...], step: int = 1) -> Mask:
     """Return the mask of pixels, `step` px apart, whose flow leads out of a frame, beyond its half-pixel border."""
     (row, col), (rows, cols) = end_points(flow, step), shape
     return np.asarray((row < -0.5) | (row > rows - 0.5) | (col < -0.5) | (col > cols - 0.5))
@@ -113,8 +112,7 @@ class _Best(NamedTuple):
     def of(cls, matches: WindowMatches) -> _Best:
         offset_dy, offset_dx = fit_peaks(matches.around, None)
         found = np.stack([matches.dy + offset_dy, matches.dx + offset_dx])
-        score = np.where(np.isnan(matches.score), NO_SCORE, matches.score)
-        return cls(score, matches.dy, matches.dx, found)
+        return cls(np.where(np.isnan(matches.score), NO_SCORE, matches.score), matches.dy, matches.dx, found)
 
     def or_better(self, other: _Best, first_dy: int) -> _Best:
         """Return the better lags of this and the next strip, which begins at `first_dy`; of equal ones, the shorter.

@@ -12,7 +12,7 @@ from scipy import fft
 
 from stereolag.core.arrays import FloatMap, Mask
 from stereolag.core.inputs import Image
-from stereolag.motion.candidates import Flow, end_points, leaves_frame
+from stereolag.motion.candidates import Flow, end_points, leaves_frame, warped
 from stereolag.motion.levels import Frame
 from stereolag.stereo.windows.pixels import fit_peaks
 
@@ -72,8 +72,7 @@ def agreement_of(
     step
         Spacing of the pixels, px.
     """
-    row, col = end_points(flow, step)
-    other = cv2.remap(second, col, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    other = warped(second, flow, step)
     area = side // step | 1, side // step | 1
     joint = np.asarray(cv2.blur(detail * other, area, borderType=cv2.BORDER_REFLECT), np.float32)
     own, others = (

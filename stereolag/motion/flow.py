@@ -23,7 +23,7 @@ from stereolag.core.inputs import (
     rescale_extreme_floats,
 )
 from stereolag.core.jobs import COSTS, Estimate, Progress, check_memory, silent
-from stereolag.core.settings import FitsImage, OfThePair, Pixels, Settings, SliderRange
+from stereolag.core.settings import FitsImage, OfThePair, Pixels, Settings, SliderRange, odd
 from stereolag.loops.bands import over_image
 from stereolag.loops.compilation import compiled
 from stereolag.loops.memory import keep_freed_memory
@@ -294,12 +294,7 @@ class FlowMatcher(Settings):
         "that stands still.",
     )
 
-    @field_validator("window_size")
-    @classmethod
-    def _odd(cls, value: int) -> int:
-        if value % 2 == 0:
-            raise ValueError(f"window_size is {value}; it must be odd.")
-        return value
+    _odd = field_validator("window_size")(odd)
 
     def compute(self, first: npt.ArrayLike, second: npt.ArrayLike, *, progress: Progress | None = None) -> FlowMap:
         """Find every pixel of the first frame in the second one.
@@ -368,16 +363,13 @@ class FlowMatcher(Settings):
         self, level: int, first: Frame, second: Frame, there: Flow | None, back: Flow | None
     ) -> tuple[LevelFlow, Flow]:
         """Match one level both ways; the finest only forwards, if a coarser level provides the flow back."""
-        both_ways = level > 0 or back is None
         for _ in range(ROUNDS[min(level, len(ROUNDS) - 1)]):
-            candidates = self._candidates(level, first, second, there)
-            returning = self._candidates(level, second, first, back) if both_ways else None
-            returned = back if returning is None else returning.flow
-            assert returned is not None
-            there = self._smoothed(level, first, candidates, return_error(candidates.flow, returned))
-            back = returned
-            if returning is not None:
+            candidates, returned = self._candidates(level, first, second, there), back
+            if level > 0 or returned is None:
+                returning = self._candidates(level, second, first, back)
+                returned = returning.flow
                 back = self._smoothed(level, second, returning, return_error(returned, candidates.flow))
+            there = self._smoothed(level, first, candidates, return_error(candidates.flow, returned))
         assert there is not None and back is not None
         if self.refinement is not None:
             there = refined(there, first.guide, second.guide, self.refinement, level)
@@ -418,14 +410,13 @@ class FlowMatcher(Settings):
         moves = same & (np.abs(flow) >= 1).any(axis=0) if same.any() else same
         np.copyto(flow, 0, where=same & ~moves)
         reason = np.full(score.shape, Reason.MEASURED, np.uint8)
-        failed: list[tuple[Mask, Reason]] = []
         if self.median_test is not None:
             spacing = max(1, self.window_size // 2)
             residual = median_residual(matched.candidates.flow, spacing, self.median_test.noise)
-            failed.append((residual > self.median_test.threshold, Reason.SPECKLE))
+            np.copyto(reason, np.uint8(Reason.SPECKLE), where=residual > self.median_test.threshold)
         if self.forward_backward is not None:
-            failed.append((matched.error > self.forward_backward.tolerance, Reason.LEFT_RIGHT))
-        failed += [
+            np.copyto(reason, np.uint8(Reason.LEFT_RIGHT), where=matched.error > self.forward_backward.tolerance)
+        for where, why in (
             # Standing still fits to the last bit, and so does the motion found, as along an edge.
             (moves, Reason.AMBIGUOUS),
             (~relation.supported, Reason.LOW_TEXTURE if relation.verdict == "blank" else Reason.AMBIGUOUS),
@@ -433,8 +424,7 @@ class FlowMatcher(Settings):
             (score == NO_SCORE, Reason.LOW_TEXTURE),
             (leaves_frame(flow, score.shape), Reason.OUT_OF_FRAME),
             (flat, Reason.LOW_TEXTURE),
-        ]
-        for where, why in failed:
+        ):
             np.copyto(reason, np.uint8(why), where=where)
         missing = reason != np.uint8(Reason.MEASURED)
         score = np.where(missing, np.float32(np.nan), score)

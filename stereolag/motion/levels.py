@@ -9,10 +9,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
-from stereolag.core.arrays import Array, FloatMap
+from stereolag.core.arrays import Array, EightBit, FloatMap
 from stereolag.core.inputs import Image
 from stereolag.core.settings import Settings
 from stereolag.loops.bands import over_image
@@ -36,7 +35,7 @@ class Frame:
     """
 
     grey: Image
-    guide: npt.NDArray[np.uint8]
+    guide: EightBit
     grey_level: float
 
     @property
@@ -49,7 +48,7 @@ class Frame:
         frames = [self]
         for _ in range(levels - 1):
             last = frames[-1]
-            guide: npt.NDArray[np.uint8] = np.asarray(cv2.pyrDown(last.guide), np.uint8)
+            guide: EightBit = np.asarray(cv2.pyrDown(last.guide), np.uint8)
             grey = guide if last.grey is last.guide else cv2.pyrDown(last.grey)
             frames.append(Frame(grey, guide, self.grey_level))
         return frames
@@ -78,7 +77,7 @@ MIN_WEIGHT = np.float32(1e-6)
 """Least weight of a pixel, so that even an area without any reliable pixel has a mean."""
 
 
-def edge_aware_mean(flow: Flow, weight: FloatMap, guide: npt.NDArray[np.uint8]) -> Flow:
+def edge_aware_mean(flow: Flow, weight: FloatMap, guide: EightBit) -> Flow:
     """Return the weighted mean of the flow around every pixel, over neighbours on the same image surface.
 
     Pixels without weight are filled from those with weight, however far away: a neighbour's share falls with its
@@ -94,8 +93,8 @@ def edge_aware_mean(flow: Flow, weight: FloatMap, guide: npt.NDArray[np.uint8]) 
     guide
         (H, W) uint8.
     """
-    share_of = np.exp(-math.sqrt(2) / SMOOTHING_PX * (1 + SMOOTHING_PX / EDGE_LEVELS * np.arange(256)))
-    share_of = share_of.astype(np.float32)
+    distance = 1 + SMOOTHING_PX / EDGE_LEVELS * np.arange(256)
+    share_of = np.exp(-math.sqrt(2) / SMOOTHING_PX * distance).astype(np.float32)
     positive = np.maximum(weight, MIN_WEIGHT)
     planes = np.empty((3, *guide.shape), np.float32)
     np.multiply(flow, positive, out=planes[:2])
@@ -164,7 +163,7 @@ def _pass_on(source: Array, target: Array, share: Array) -> None:
         target[col] += share[col] * (source[col] - target[col])
 
 
-def edge_aware_mean_reference(flow: Flow, weight: FloatMap, guide: npt.NDArray[np.uint8]) -> Flow:
+def edge_aware_mean_reference(flow: Flow, weight: FloatMap, guide: EightBit) -> Flow:
     """Return the result of :func:`edge_aware_mean` up to rounding, computed line by line in float64 for reference."""
     positive = np.maximum(weight, MIN_WEIGHT).astype(np.float64)
     planes = np.stack([flow[0] * positive, flow[1] * positive, positive])
@@ -276,11 +275,10 @@ def median_residual(flow: Flow, spacing: int, noise: float) -> FloatMap:
     J. Westerweel & F. Scarano, "Universal outlier detection for PIV data", Experiments in Fluids 39, 2005. The flow is
     mirrored at its borders.
     """
-    border = (spacing, spacing, spacing, spacing)
-    parts: list[Array] = [cv2.copyMakeBorder(part, *border, cv2.BORDER_REFLECT_101) for part in flow]
     out = np.zeros(flow.shape[1:], np.float32)
-    for part in parts:
-        over_image(partial(_add_squares, part, spacing, np.float32(noise), out), out.shape)
+    for part in flow:
+        framed = cv2.copyMakeBorder(part, spacing, spacing, spacing, spacing, cv2.BORDER_REFLECT_101)
+        over_image(partial(_add_squares, framed, spacing, np.float32(noise), out), out.shape)
     return np.asarray(np.sqrt(out))
 
 

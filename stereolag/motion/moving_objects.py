@@ -8,10 +8,9 @@ from typing import NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
-from stereolag.core.arrays import DoubleMap, FloatMap, Mask, Vector
+from stereolag.core.arrays import DoubleMap, EightBit, FloatMap, Mask, Vector
 from stereolag.core.inputs import Image, as_grey, grey_level
 from stereolag.core.settings import Settings
 from stereolag.geometry.calibration import Calibration
@@ -22,7 +21,7 @@ from stereolag.motion.levels import edge_aware_mean
 Box: TypeAlias = tuple[slice, slice]
 """Rows and columns of a rectangle."""
 
-Points: TypeAlias = npt.NDArray[np.float64]
+Points: TypeAlias = DoubleMap
 """(..., 3) metres: X to the right, Y down, Z forward; NaN = none."""
 
 KMH = 3.6
@@ -39,7 +38,7 @@ class Camera(NamedTuple):
     """The rectified left camera, and its (3, 3) matrix for images of a given size."""
 
     calibration: Calibration
-    matrix: npt.NDArray[np.float64]
+    matrix: DoubleMap
 
     @classmethod
     def of(cls, calibration: Calibration, shape: tuple[int, ...]) -> Camera:
@@ -72,7 +71,7 @@ class RigidShift(NamedTuple):
 
     motion: Vector
     """(3,) metres: to the right, down, forward."""
-    covariance: npt.NDArray[np.float64]
+    covariance: DoubleMap
     """(3, 3) square metres."""
 
 
@@ -172,9 +171,7 @@ class MovingRegion:
 
 def is_accurate(speed_kmh: float | None, error_kmh: float | None) -> bool:
     """Return whether a speed is known with an error of at most 6 km/h or a tenth of it, and can be shown."""
-    if speed_kmh is None or error_kmh is None:
-        return False
-    return error_kmh <= max(6.0, 0.1 * speed_kmh)
+    return speed_kmh is not None and error_kmh is not None and error_kmh <= max(6.0, 0.1 * speed_kmh)
 
 
 def better_correlated(images: tuple[Image, Image], flow: Flow, other: Flow, gain: float) -> Mask:
@@ -246,8 +243,8 @@ def moves_as_one(from_static: DoubleMap, from_moving: DoubleMap, settings: Movin
     return static > settings.threshold and static > settings.coherence * moving
 
 
-def region_of(moving: MovingObject, distance_m: float, own_error_m: float, frame_rate: float | None) -> MovingRegion:
-    """Return the region of a moving object, whose error includes that of our own motion."""
+def region_of(moving: MovingObject, depth: DoubleMap, own_error_m: float, frame_rate: float | None) -> MovingRegion:
+    """Return the region of a moving object, given the depth of every pixel, m; its error includes our own motion's."""
     (rows, cols), motion = moving.box, moving.shift.motion
     row, col = np.nonzero(moving.mask)
     length = float(np.linalg.norm(motion))
@@ -260,7 +257,7 @@ def region_of(moving: MovingObject, distance_m: float, own_error_m: float, frame
         height=int(np.ptp(row) + 1),
         width=int(np.ptp(col) + 1),
         pixels=int(row.size),
-        distance_m=distance_m,
+        distance_m=float(np.nanmedian(depth[moving.box][moving.mask])),
         motion_m=(float(motion[0]), float(motion[1]), float(motion[2])),
         speed_kmh=speed,
         speed_error_kmh=speed_error,
@@ -279,9 +276,6 @@ towards whole px."""
 
 MIN_SCATTER_PX = 0.2
 """Least scatter of flow and disparity assumed in a fit, px."""
-
-DISPARITY_ERRORS_PX = (-1.0, -0.67, -0.33, 0.0, 0.33, 0.67, 1.0)
-"""Disparity errors allowed for when testing whether a point is static, px."""
 
 MAX_EXTENT_M = 4.0
 """Largest extent of an object in front of and behind its median depth, metres."""
@@ -319,7 +313,7 @@ class Views:
 
     first: FloatMap
     second: FloatMap
-    guide: npt.NDArray[np.uint8]
+    guide: EightBit
     level: float
     points: Points
     disparity: FloatMap
@@ -443,7 +437,7 @@ def motion_gain(views: Views, box: Box, motion: Vector) -> FloatMap:
     scale = calibration.focal_px * calibration.baseline_m
     static_score = np.full(points.shape[:2], -1, np.float32)
     disparity = views.disparity[box] + calibration.doffs_px
-    for error in DISPARITY_ERRORS_PX:
+    for error in (-1.0, -0.67, -0.33, 0.0, 0.33, 0.67, 1.0):  # of a disparity, px
         # A point with a slightly larger disparity is nearer along its ray, by this factor. The camera's motion is a
         # rotation and a shift, so its distance from `origin`, the position at depth 0, shrinks by the same factor.
         factor = disparity / np.maximum(disparity + error, scale / 1e4)
@@ -473,7 +467,8 @@ def extent(views: Views, box: Box, seed: Mask, motion: Vector) -> tuple[Box, Mas
     The object comprises the pixels at the distance of the seed that are connected to it and move like it. The evidence
     is propagated from pixels where the frames distinguish the two motions to those where they do not, up to edges.
     """
-    wide = _widened(box, views.first.shape)
+    rows, cols = (_widened(*side) for side in zip(box, views.first.shape, strict=True))
+    wide = rows, cols
     known = np.zeros(views.first.shape, np.bool_)
     known[box] = seed
     known = known[wide]
@@ -500,13 +495,10 @@ def extent(views: Views, box: Box, seed: Mask, motion: Vector) -> tuple[Box, Mas
     return wide, whole[gap:-gap, gap:-gap] > 0
 
 
-def _widened(box: Box, shape: tuple[int, ...]) -> Box:
-    """Return a box with a margin of 60 % of its size, at least 16 px, within an image of that shape."""
-    wide = []
-    for side, length in zip(box, shape, strict=True):
-        margin = max(16, round(0.6 * (side.stop - side.start)))
-        wide.append(slice(max(0, int(side.start) - margin), min(length, int(side.stop) + margin)))
-    return wide[0], wide[1]
+def _widened(side: slice, length: int) -> slice:
+    """Return a side of a box with margins of 60 % of its size, at least 16 px, within an image of that length."""
+    margin = max(16, round(0.6 * (side.stop - side.start)))
+    return slice(max(0, int(side.start) - margin), min(length, int(side.stop) + margin))
 
 
 def above_ground(disparity: FloatMap) -> Mask:

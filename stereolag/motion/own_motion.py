@@ -7,7 +7,6 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from stereolag.core.arrays import DoubleMap, FloatMap, Indices, Mask, Vector
 from stereolag.core.inputs import Image, as_grey
@@ -70,7 +69,7 @@ class OwnMotion:
         that is as fast as we are, looks like a static world. Otherwise "".
     """
 
-    rotation: npt.NDArray[np.float64]
+    rotation: DoubleMap
     translation: Vector
     inliers: float
     error_m: float = np.inf
@@ -90,9 +89,9 @@ class _Sample(NamedTuple):
     """N pixels: their points (N, 3), disparities, (2, N) rows and columns in both frames, px, and areas."""
 
     points: Points
-    disparity: npt.NDArray[np.float32]
-    places: npt.NDArray[np.float32]
-    places_after: npt.NDArray[np.float32]
+    disparity: FloatMap
+    places: FloatMap
+    places_after: FloatMap
     area: Indices
 
     def part(self, chosen: Mask) -> _Sample:
@@ -169,8 +168,7 @@ def estimate_own_motion(
         only_own, only_rival = votes[explained & ~by_rival].sum(), votes[by_rival & ~explained].sum()
         if only_rival >= max(MIN_RIVAL_SHARE, MIN_RIVAL_RATIO * only_own):
             doubt = "two motions"
-    error_m = _standard_error(own, sample.part(inliers), camera, settings)
-    return replace(own, error_m=error_m, doubt=doubt)
+    return replace(own, error_m=_standard_error(own, sample.part(inliers), camera, settings), doubt=doubt)
 
 
 def _fitted(sample: _Sample, camera: Camera, tolerance: float) -> tuple[OwnMotion, Mask]:

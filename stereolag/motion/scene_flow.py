@@ -188,10 +188,8 @@ def scene_flow(
         static_flow = (expected[:2] - places).astype(np.float32)
         moving &= better_correlated(images, np.stack([dy, dx]), static_flow, settings.gain) & views.above_ground
     seeds = [] if own.doubt else _coherent_regions(moving, measurements, deviations, errors, settings)
-    found = []
-    for one in whole_objects(seeds, measurements, views, settings.smallest):
-        distance = float(np.nanmedian(before[one.box][one.mask][:, 2]))
-        found.append((region_of(one, distance, own.error_m, frame_rate), one))
+    objects = whole_objects(seeds, measurements, views, settings.smallest)
+    found = [(region_of(one, before[..., 2], own.error_m, frame_rate), one) for one in objects]
     found.sort(key=lambda pair: pair[0].distance_m)
     labels = np.zeros(disparity.shape, np.int32)
     for number, (_, one) in enumerate(found, start=1):

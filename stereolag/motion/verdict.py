@@ -116,9 +116,8 @@ def related_frames(firsts: Sequence[Frame], seconds: Sequence[Frame], flow: Flow
 
 def moves_everywhere(flow: Flow, found: FrameRelation) -> bool:
     """Return whether two frames are related over half of their area or more, by a median motion above 0.25 px."""
-    if found.verdict != "related" or found.supported.mean() < 0.5:
-        return False
-    return float(np.median(np.hypot(*flow[:, found.supported]))) > 0.25
+    related = found.verdict == "related" and found.supported.mean() >= 0.5
+    return bool(related and np.median(np.hypot(*flow[:, found.supported])) > 0.25)
 
 
 def without_minimum(first: Image, second: Image) -> tuple[Image, Image]:

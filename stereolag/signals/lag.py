@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import Array, Vector
-from stereolag.core.inputs import checked_signal
+from stereolag.core.inputs import check_positive, checked_signal
 from stereolag.core.jobs import COSTS, Estimate, Progress, Pulse, check_memory, silent
 from stereolag.core.searches import SignalMethod
 from stereolag.core.showing import Shown
@@ -83,12 +83,6 @@ def common_rate(signal_1: object, signal_2: object, given: float | None) -> floa
     if given is not None:
         return float(given)
     return next(iter(own.values()), AUDIO_RATE)
-
-
-def check_positive(value: float, name: str, unit: str) -> None:
-    """Raise a ValueError for a number that is not positive and finite."""
-    if not (np.isfinite(value) and value > 0):
-        raise ValueError(f"{name} is {value!r} {unit}; it must be a positive, finite number.")
 
 
 def _own_rate(signal: object) -> float | None:

@@ -12,14 +12,11 @@ from stereolag.stereo.matcher import PixelMatches, Reason, StereoMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import WindowMatches
 
-EXTRA_ROWS = 16
-"""Number of rows matched beyond the side of a window."""
-
 
 def few_rows(matcher: StereoMatcher, *images: Image) -> list[Image]:
     """Return the upper rows of images, enough for the matcher's loops to be compiled or loaded."""
     sides = [int(value) for name, value in matcher if marker(type(matcher).model_fields[name], FitsImage)]
-    return [image[: max(sides, default=0) + EXTRA_ROWS] for image in images]
+    return [image[: max(sides, default=0) + 16] for image in images]
 
 
 def compile_share(matcher: StereoMatcher, shape: tuple[int, ...], dtype: str) -> None:

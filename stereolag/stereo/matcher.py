@@ -284,16 +284,12 @@ class DisparityMap(Shown):
     @property
     def score(self) -> FloatMap:
         """Return the scores; all NaN, using no memory, if the method has none."""
-        if self._score is None:
-            return np.broadcast_to(np.float32(np.nan), self.disparity.shape)
-        return self._score
+        return np.broadcast_to(np.float32(np.nan), self.disparity.shape) if self._score is None else self._score
 
     @property
     def dy(self) -> FloatMap:
         """Return the vertical displacement, right minus left, px."""
-        if self._dy is None:
-            return np.where(self.valid, np.float32(0), np.float32(np.nan))
-        return self._dy
+        return np.where(self.valid, np.float32(0), np.float32(np.nan)) if self._dy is None else self._dy
 
     @property
     def dx(self) -> FloatMap:

@@ -12,7 +12,7 @@ from pydantic import Field, field_validator, model_validator
 
 from stereolag.core.inputs import Image, as_eight_bit, as_grey
 from stereolag.core.jobs import COSTS, Estimate, Progress
-from stereolag.core.settings import Applies, FitsImage, OfThePair, Pixels, SliderRange
+from stereolag.core.settings import Applies, FitsImage, OfThePair, Pixels, SliderRange, odd
 from stereolag.stereo.matcher import MinDisparity, PixelMatches, Reason, StereoMatcher, grey_bytes
 
 BlockSize = Annotated[
@@ -71,9 +71,6 @@ LeftRightTolerance = Annotated[
 SUBPIXEL = 16
 """Units of OpenCV's integer disparities in one px."""
 
-NO_LIMIT = 1 << 20
-"""Tolerance larger than any difference of two disparities, px."""
-
 
 class BlockMatcher(StereoMatcher):
     """Base class of both OpenCV matchers: search range, checks, and conversion of the result."""
@@ -96,12 +93,7 @@ class BlockMatcher(StereoMatcher):
     speckle_range: SpeckleRange = 0
     disp12_max_diff: LeftRightTolerance = -1
 
-    @field_validator("block_size")
-    @classmethod
-    def _odd(cls, value: int) -> int:
-        if value % 2 == 0:
-            raise ValueError(f"block_size is {value}; OpenCV allows odd sizes only.")
-        return value
+    _odd = field_validator("block_size")(odd)
 
     gives_reasons = False
 
@@ -219,9 +211,6 @@ class StereoBM(BlockMatcher):
         return matcher
 
 
-Mode = Literal["sgbm", "hh", "sgbm_3way", "hh4"]
-
-
 class StereoSGBM(BlockMatcher):
     """OpenCV's ``StereoSGBM``: semi-global matching (Hirschmüller 2008) over Birchfield-Tomasi costs.
 
@@ -243,7 +232,7 @@ class StereoSGBM(BlockMatcher):
     first_shown = ("block_size", "num_disparities", "min_disparity", "uniqueness_ratio", "p1", "p2")
 
     block_size: BlockSize = 5
-    mode: Mode = Field(
+    mode: Literal["sgbm", "hh", "sgbm_3way", "hh4"] = Field(
         default="sgbm",
         title="Paths",
         description="Number of paths along which costs are added up (OpenCV's mode: SGBM 5, HH 8, SGBM_3WAY 3, HH4 4). "
@@ -295,7 +284,7 @@ class StereoSGBM(BlockMatcher):
         """Return the arguments of ``cv2.StereoSGBM.create``, under OpenCV's names."""
         arguments = {self.other_name(name): value for name, value in self}
         # OpenCV takes a negative limit as 1 here; only a limit above any disparity switches the check off.
-        arguments["disp12MaxDiff"] = self.disp12_max_diff if self.disp12_max_diff >= 0 else NO_LIMIT
+        arguments["disp12MaxDiff"] = self.disp12_max_diff if self.disp12_max_diff >= 0 else 1 << 20
         return arguments | {"mode": getattr(cv2, self.opencv_mode)}
 
     @property

@@ -11,18 +11,10 @@ import numpy as np
 import streamlit as st
 
 from stereolag.assess.layout import Layout, views
-from stereolag.core.arrays import DoubleMap
+from stereolag.core.arrays import DoubleMap, EightBit
 from stereolag.core.inputs import as_grey
 from stereolag.geometry.board_samples import MIN_FRAME_GAP_S, Collected, Missing, board_pose, is_still
-from stereolag.geometry.boards import (
-    Board,
-    Corners,
-    Grey8,
-    find_boards,
-    find_in_live_frame,
-    guess_charuco,
-    guess_chessboard,
-)
+from stereolag.geometry.boards import Board, Corners, find_boards, find_in_live_frame, guess_charuco, guess_chessboard
 from stereolag.geometry.camera_fits import MIN_PAIRS
 from stereolag.io.sources import MAX_BYTES
 from stereolag.ui.calibrate import FILES, KEY, board_in_words, matched
@@ -164,7 +156,7 @@ class Taking:
         views = zip(now.corners, before[-1].corners, strict=True)
         return all(is_still(*view, board, width, seconds) for view in views)
 
-    def _guess(self, left: Grey8, right: Grey8) -> Board | None:
+    def _guess(self, left: EightBit, right: EightBit) -> Board | None:
         """Return the board, once the last frames have all shown the same one."""
         guess = guess_charuco([left, right]) or guess_chessboard([left, right], thorough=False)
         self.guesses = [] if guess is None else [*self.guesses, guess][-FRAMES_TO_AGREE:]

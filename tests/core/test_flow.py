@@ -178,7 +178,7 @@ def test_what_is_refused_is_named():
     for second, changes, message in (
         (image[:, :30], {}, "first is 40 × 30 and second is 30 × 30"),
         (image, {"window_size": 31}, "window_size is 31 px and the images are 40 × 30"),
-        (image, {"window_size": 8}, "window_size is 8; it must be odd"),
+        (image, {"window_size": 8}, "window_size is 8; allowed are odd sizes"),
         (image, {"serach": 8}, "serach"),
         (image, {"search": 0}, "search is 0"),
     ):

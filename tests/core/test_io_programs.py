@@ -211,7 +211,7 @@ def test_settings_left_out_keep_their_defaults():
     [
         (b"", "empty"),
         (b'{"method": "Stereo*BM*", "settings": {}}', r"“Stereo\?BM\?”; known are CorrelationMatcher, StereoBM"),
-        (b'{"method": "StereoBM", "settings": {"block_size": 8}}', "block_size is 8; OpenCV allows odd"),
+        (b'{"method": "StereoBM", "settings": {"block_size": 8}}', "block_size is 8; allowed are odd"),
         (b'{"method": "StereoSGBM", "settings": {"p1": 9, "p2": 9}}', "p2 > p1"),
         (
             b'{"method": "CorrelationMatcher", "settings": {"search": {"kind": "<b>"}}}',

@@ -116,7 +116,7 @@ def test_no_text_is_a_command() -> None:
         ({"pair": {"files": FILES | {"visible": "other.tif"}}}, "another size than the left image"),
         ({"pair": {"files": FILES | {"calibration": "left.png"}}}, "calibration"),
         ({"methods": [5]}, "must be a JSON object"),
-        ({"methods": [{"method": "StereoBM", "settings": {"block_size": 6}}]}, "odd sizes only"),
+        ({"methods": [{"method": "StereoBM", "settings": {"block_size": 6}}]}, "odd sizes"),
     ],
 )
 def test_a_session_that_cannot_be_is_refused(changes: dict[str, Any], sentence: str) -> None:

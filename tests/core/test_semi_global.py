@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pairs import shifted, texture
-from pydantic import Field
 
 from stereolag.core.jobs import silent
 from stereolag.core.settings import Bounds, SettingsError
@@ -18,12 +17,9 @@ from stereolag.stereo.finishing.stages import AmbiguityTest, LeftRightCheck
 from stereolag.stereo.matcher import Reason
 from stereolag.stereo.semi_global import matcher as semi_global
 from stereolag.stereo.semi_global.cost import (
-    MAX_COST,
     NOT_TRIED,
     OUT_OF_FRAME_SHARE,
-    TERMS,
     MatchingCost,
-    TermWeight,
     census,
     census_reference,
     cost_reference,
@@ -127,6 +123,9 @@ def noise(shape: tuple[int, int], seed: int = 0) -> Picture:
     return np.random.default_rng(seed).integers(0, 256, shape, dtype=np.uint8)
 
 
+WEIGHTS = ("correlation", "census", "gradient")
+
+
 @settings(max_examples=20)
 @given(
     rows=st.integers(6, 12),
@@ -136,7 +135,7 @@ def noise(shape: tuple[int, int], seed: int = 0) -> Picture:
     count=st.integers(1, 20),
     flat=st.booleans(),
     seed=st.integers(0, 99),
-    alone=st.sampled_from([None, *MatchingCost.weights()]),
+    alone=st.sampled_from([None, *WEIGHTS]),
 )
 def test_the_cost_is_that_of_the_formula(
     rows: int, cols: int, radius: int, first: int, count: int, flat: bool, seed: int, alone: str | None
@@ -148,7 +147,7 @@ def test_the_cost_is_that_of_the_formula(
     cost = MatchingCost()
     if alone:
         heaviest = Bounds.of(MatchingCost.model_fields[alone]).high
-        cost = MatchingCost(**dict.fromkeys(MatchingCost.weights(), 0) | {alone: heaviest})
+        cost = MatchingCost(**dict.fromkeys(WEIGHTS, 0) | {alone: heaviest})
     found = matching_cost(
         left, right, window_size=2 * radius + 1, min_disparity=first, num_disparities=count, settings=cost
     )
@@ -164,22 +163,12 @@ def test_the_census_is_that_of_the_formula_and_ignores_exposure() -> None:
     np.testing.assert_array_equal(census(image // 2), census((image // 2) + 9))
 
 
-def test_every_term_has_its_weight_in_the_settings_and_no_weight_is_without_a_term() -> None:
-    assert [term.weight for term in TERMS] == MatchingCost.weights()
-
-
 def test_weights_that_are_all_nothing_or_more_than_eight_bits_hold_and_penalties_out_of_order_are_refused() -> None:
     with pytest.raises(ValueError, match="penalty_large 50"):
         SemiGlobal(penalty_large=50)
     with pytest.raises(SettingsError, match="correlation, census and gradient add up to 0; allowed are 1 to 250"):
-        MatchingCost(**dict.fromkeys(MatchingCost.weights(), 0))
-
-    class WithOneMore(MatchingCost):
-        brightness: Annotated[int, TermWeight()] = Field(default=0, ge=0, le=50)
-
-    assert WithOneMore(brightness=10).highest == MAX_COST
-    with pytest.raises(SettingsError, match="and brightness add up to 251; allowed are 1 to 250 together"):
-        WithOneMore(brightness=11)
+        MatchingCost(**dict.fromkeys(WEIGHTS, 0))
+    assert MatchingCost(gradient=50).highest == 250
 
 
 def in_strips(volume: npt.NDArray[Any], untried: int) -> npt.NDArray[Any]:

@@ -195,10 +195,6 @@ def filled_from_behind(disparity: FloatMap, reason: ReasonMap) -> tuple[FloatMap
     known = np.flatnonzero(np.isfinite(filled[:, 0]))
     if known.size == 0:
         return disparity, reason
-    if known.size < len(filled):
-        rows = np.flatnonzero(np.isnan(filled[:, 0]))
-        after = np.searchsorted(known, rows).clip(max=known.size - 1)
-        before = (after - 1).clip(min=0)
-        before, after = known[before], known[after]
-        filled[rows] = filled[np.where(rows - before <= np.abs(after - rows), before, after)]
+    rows, halfway = np.flatnonzero(np.isnan(filled[:, 0])), (known[:-1] + known[1:]) / 2
+    filled[rows] = filled[known[np.searchsorted(halfway, rows)]]
     return filled, reasons

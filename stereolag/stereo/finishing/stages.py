@@ -6,10 +6,9 @@ from typing import Annotated, Any, Protocol, runtime_checkable
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
-from stereolag.core.arrays import Array, FloatMap, Mask, ReasonMap
+from stereolag.core.arrays import Array, EightBit, FloatMap, Mask, ReasonMap
 from stereolag.core.inputs import FLAT_TEXTURE, Image, as_eight_bit, grey_level
 from stereolag.core.settings import Applies, Settings
 from stereolag.loops.bands import over_bands, over_image
@@ -86,7 +85,7 @@ NO_MATCH = np.iinfo(np.int16).min
 """Displacement or lag of a pixel of the right image without a match in the left one; it leads out of the frame."""
 
 
-def left_right_disagree(dx: npt.NDArray[Any], right_dx: npt.NDArray[Any], tolerance: int) -> Mask:
+def left_right_disagree(dx: Array, right_dx: Array, tolerance: int) -> Mask:
     """Return the mask of left pixels whose match in the right image does not lead back to them.
 
     Parameters
@@ -110,9 +109,7 @@ def left_right_disagree(dx: npt.NDArray[Any], right_dx: npt.NDArray[Any], tolera
 
 
 @compiled(counted=False)
-def _disagreeing_rows(
-    dx: npt.NDArray[Any], right_dx: npt.NDArray[Any], tolerance: int, first: int, end: int, disagree: Mask
-) -> None:
+def _disagreeing_rows(dx: Array, right_dx: Array, tolerance: int, first: int, end: int, disagree: Mask) -> None:
     """Process rows `first` to `end` for :func:`left_right_disagree`."""
     width = np.int64(dx.shape[1])
     for y in range(first, end):
@@ -124,7 +121,7 @@ def _disagreeing_rows(
             disagree[y, x] = (not inside) | (abs(difference) > tolerance)
 
 
-def left_right_disagree_reference(dx: npt.NDArray[Any], right_dx: npt.NDArray[Any], tolerance: int) -> Mask:
+def left_right_disagree_reference(dx: Array, right_dx: Array, tolerance: int) -> Mask:
     """Return the expected result of :func:`left_right_disagree`, computed with plain NumPy."""
     width = dx.shape[1]
     place = np.arange(width) + dx
@@ -274,7 +271,7 @@ def _drop_small(
 def speckles_reference(disparity: FloatMap, size: int, difference: float) -> Mask:
     """Return the pixels that :func:`without_speckles` drops, from OpenCV, whose limit is the largest size removed."""
     known = np.isfinite(disparity)
-    quantised: npt.NDArray[np.int16] = np.full(disparity.shape, NO_DISPARITY, np.int16)
+    quantised: Array = np.full(disparity.shape, NO_DISPARITY, np.int16)
     np.rint(disparity * np.float32(SPECKLE_UNITS), out=quantised, where=known, casting="unsafe")
     cv2.filterSpeckles(quantised, NO_DISPARITY, size - 1, round(difference * SPECKLE_UNITS))
     return np.asarray(known & (quantised == NO_DISPARITY))
@@ -304,9 +301,7 @@ MEDIAN_UNITS = 256
 """Units of the rounded disparities in one px."""
 
 
-def weighted_median(
-    values: FloatMap, guide: npt.NDArray[np.uint8], radius: int, spacing: int, contrast: int
-) -> FloatMap:
+def weighted_median(values: FloatMap, guide: EightBit, radius: int, spacing: int, contrast: int) -> FloatMap:
     """Return the weighted median of the values on a square grid around each pixel.
 
     This is the smallest value such that it and all smaller ones have at least half of the total weight. A neighbour
@@ -467,9 +462,7 @@ def _channel_difference(planes: Array, one: int, other: int, values: Array) -> A
     return cast((here - darker) + (there - darker), values.dtype)
 
 
-def weighted_median_reference(
-    values: FloatMap, guide: npt.NDArray[np.uint8], radius: int, spacing: int, contrast: int
-) -> FloatMap:
+def weighted_median_reference(values: FloatMap, guide: EightBit, radius: int, spacing: int, contrast: int) -> FloatMap:
     """Return the expected result of :func:`weighted_median`, pixel by pixel, for values that are whole 256ths."""
     height, width, channels = guide.shape
     out = values.copy()
@@ -578,7 +571,7 @@ def finished(found: PixelMatches, left: Image, right: Image, settings: Finishing
     return PixelMatches(disparity, reason, found.score, dy)
 
 
-def _guide(left: Image, right: Image) -> npt.NDArray[np.uint8]:
+def _guide(left: Image, right: Image) -> EightBit:
     """Return the left image in 8 bits; alpha, which is not brightness, does not affect the stretching."""
     colours = (image if image.ndim == 2 else image[:, :, :3] for image in (left, right))
     return np.ascontiguousarray(as_eight_bit(*colours)[0])

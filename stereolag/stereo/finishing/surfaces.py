@@ -18,9 +18,6 @@ from stereolag.loops.compilation import compiled
 from stereolag.loops.memory import copy, fill
 from stereolag.loops.vector_lanes import LANES, load, store, where_at_most
 
-ASSIGNMENT_ROUNDS = 2
-"""Number of times the pixels are assigned to patches; a third round does not improve the filling."""
-
 NEIGHBOURHOOD = 7
 """Side of the square of the grid within which patches may touch: a pixel is at most one square from its patch."""
 
@@ -66,11 +63,10 @@ def superpixels(planes: FloatMap, side: int, contrast: float) -> Superpixels:
     at = np.repeat(rows, grid[1]), np.tile(cols, grid[0])
     centres = np.column_stack([*(plane[at] for plane in planes), *at]).astype(np.float32)
     weights = np.float32(1 / (channels * contrast**2)), np.float32(1 / side**2)
-    labels = _nearest_patches(planes, centres, grid, weights)
-    for _ in range(ASSIGNMENT_ROUNDS - 1):
-        centres = mean_centres(planes, labels, centres)
+    for _ in range(2):  # a third round does not improve the filling
         labels = _nearest_patches(planes, centres, grid, weights)
-    return Superpixels(labels, mean_centres(planes, labels, centres), grid)
+        centres = mean_centres(planes, labels, centres)
+    return Superpixels(labels, centres, grid)
 
 
 def _nearest_patches(
@@ -247,9 +243,6 @@ MAX_MEASURED_SAMPLES, MAX_GUESSED_SAMPLES = 32, 16
 GUESS_WEIGHT = 0.03
 """Weight of a guessed pixel; a measured one has 1."""
 
-SWEEPS = 20
-"""Number of times all planes are refitted, each to its neighbours' planes of the previous sweep."""
-
 PLANE_SCALE_PX = 2.0
 """Distance from a plane at which the weight of a measured pixel falls to a quarter, px of disparity."""
 
@@ -296,7 +289,7 @@ def fitted_planes(patches: Superpixels, measured: Samples, guessed: Samples) -> 
     difference = np.abs(colour[near] - colour[:, None]).mean(axis=2)
     joins[:, :, 0] *= np.float32(BORDER_WEIGHT) * np.exp(-difference / np.float32(BORDER_CONTRAST))
     planes = best_of_trials(*guessed[:2], at, trials())
-    for _ in range(SWEEPS):
+    for _ in range(20):  # each plane to its neighbours' planes of the previous sweep
         planes = refitted(planes, measured, guessed, joins, near, at)
     return planes
 

@@ -1,13 +1,11 @@
 """Matching cost of every pixel at every lag: the settings, the features compared, the terms, and their sum.
 
 One pass over the lags, sixteen at a time, computes all three terms of a pixel and writes their rounded sum. Costs are
-summed in 16 bits, in units of 1/256 (``PARTS_PER_COST``). The plain formulas of the terms are in ``TERMS``.
+summed in 16 bits, in units of 1/256 (``PARTS_PER_COST``). The plain formulas of the terms are the references.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any, NamedTuple
 
@@ -16,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
-from stereolag.core.arrays import Array, FloatMap
-from stereolag.core.settings import Applies, Settings, marker
+from stereolag.core.arrays import Array, EightBit, FloatMap
+from stereolag.core.settings import Applies, Settings
 from stereolag.loops.bands import in_threads, over_bands
 from stereolag.loops.compilation import compiled
 from stereolag.loops.memory import fill, volume
@@ -41,29 +39,24 @@ MAX_COST = 250
 """Largest sum of the weights: a volume stores costs in 8 bits."""
 
 
-@dataclass(frozen=True)
-class TermWeight:
-    """Marker of the setting that is the weight of a term, which is its highest cost."""
-
-
 class MatchingCost(Settings):
     """Cost of a mismatch: window correlation plus finer terms that keep edges sharp."""
 
-    correlation: Annotated[int, TermWeight()] = Field(
+    correlation: int = Field(
         default=100,
         title="Correlation",
         description="Cost of windows that are each other's negative (ZNCC -1); +1 costs nothing.",
         ge=0,
         le=100,
     )
-    census: Annotated[int, TermWeight()] = Field(
+    census: int = Field(
         default=100,
         title="Census",
         description="Cost where all of the 5 × 5 neighbours have changed from darker to brighter or back.",
         ge=0,
         le=100,
     )
-    gradient: Annotated[int, TermWeight()] = Field(
+    gradient: int = Field(
         default=40,
         title="Gradient",
         description="Cost of a horizontal gradient that differs by the limit or more.",
@@ -81,25 +74,20 @@ class MatchingCost(Settings):
     @model_validator(mode="after")
     def _highest_is_allowed(self) -> MatchingCost:
         if not 0 < self.highest <= MAX_COST:
-            *names, last = self.weights()
             raise ValueError(
-                f"{', '.join(names)} and {last} add up to {self.highest}; allowed are 1 to {MAX_COST} together."
+                f"correlation, census and gradient add up to {self.highest}; allowed are 1 to {MAX_COST} together."
             )
         return self
 
     @property
     def highest(self) -> int:
         """Return the cost of a complete mismatch, at most :data:`MAX_COST`."""
-        return sum(getattr(self, name) for name in self.weights())
-
-    @classmethod
-    def weights(cls) -> list[str]:
-        """Return the names of the weights, one per term."""
-        return [name for name, field in cls.model_fields.items() if marker(field, TermWeight)]
+        return self.correlation + self.census + self.gradient
 
 
-EightBit = npt.NDArray[np.uint8]
 Volume = npt.NDArray[np.float64]
+"""(H, W, W) cost of each pixel of the left image with each pixel in the same row of the right image."""
+
 Costs = npt.NDArray[np.uint8]
 
 NOISE_GREYS = 2.0
@@ -232,17 +220,13 @@ def _add_bit(padded: Array, neighbour: int, centre: int, words: Words, at: int, 
 
 def census_reference(image: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
     """Return the words of 24 bits expected of :func:`census`, computed with plain NumPy."""
-    padded = np.pad(image, CENSUS_RADIUS, mode="reflect")
-    rows, cols = image.shape
-    words = np.zeros(image.shape, np.int64)
-    for row in range(2 * CENSUS_RADIUS + 1):
-        for col in range(2 * CENSUS_RADIUS + 1):
-            if (row, col) != (CENSUS_RADIUS, CENSUS_RADIUS):
-                words = (words << 1) | (padded[row : row + rows, col : col + cols] < image)
-    return words.astype(np.uint32)
+    side, padded = 2 * CENSUS_RADIUS + 1, np.pad(image, CENSUS_RADIUS, mode="reflect")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (side, side)).reshape(*image.shape, side**2)
+    neighbours = np.delete(windows, CENSUS_BITS // 2, axis=2)
+    return np.asarray((neighbours < image[:, :, None]) @ (1 << np.arange(CENSUS_BITS)[::-1]), np.uint32)
 
 
-def census_cost_reference(left: EightBit, right: EightBit, radius: int, settings: MatchingCost) -> Volume:
+def census_cost_reference(left: EightBit, right: EightBit, settings: MatchingCost) -> Volume:
     """Return the cost of the census term from its formula."""
     words, others = census_reference(left), census_reference(right)
     return np.asarray(settings.census / CENSUS_BITS * np.bitwise_count(words[:, :, None] ^ others[:, None, :]))
@@ -252,7 +236,7 @@ SOBEL_UNIT = 4
 """The Sobel filter adds up four differences between grey levels two pixels apart."""
 
 
-def gradient_reference(left: EightBit, right: EightBit, radius: int, settings: MatchingCost) -> Volume:
+def gradient_reference(left: EightBit, right: EightBit, settings: MatchingCost) -> Volume:
     """Return the cost of the gradient term from its formula."""
     slopes = []
     for image in (left, right):
@@ -261,24 +245,6 @@ def gradient_reference(left: EightBit, right: EightBit, radius: int, settings: M
         slopes.append((smooth[:, 2:] - smooth[:, :-2]) / SOBEL_UNIT)
     differences = np.abs(slopes[0][:, :, None] - slopes[1][:, None, :])
     return np.asarray(settings.gradient * np.minimum(differences / settings.gradient_limit, 1))
-
-
-class CostTerm(NamedTuple):
-    """One term of the matching cost: the field of :class:`MatchingCost` with its highest cost, and its plain formula.
-
-    The formula gives the (H, W, W) cost of each pixel of the left image with each pixel in the same row of the right
-    image; it is called with both images, the radius and the settings.
-    """
-
-    weight: str
-    reference: Callable[[EightBit, EightBit, int, MatchingCost], Volume]
-
-
-TERMS = (
-    CostTerm("correlation", correlation_reference),
-    CostTerm("census", census_cost_reference),
-    CostTerm("gradient", gradient_reference),
-)
 
 
 class Scale(NamedTuple):
@@ -502,8 +468,9 @@ def cost_reference(
     settings: MatchingCost,
 ) -> Volume:
     """Return the (H, W, count) costs expected of :func:`cost_rows` before rounding, computed with plain NumPy."""
-    summed = sum(term.reference(left, right, radius, settings) for term in TERMS)
+    summed = correlation_reference(left, right, radius, settings) + census_cost_reference(left, right, settings)
+    summed += gradient_reference(left, right, settings)
     x = np.arange(left.shape[1])
     other = x[:, None] - smallest - np.arange(count)
     inside = (other >= 0) & (other < left.shape[1])
-    return np.where(inside, np.asarray(summed)[:, x[:, None], np.where(inside, other, 0)], float(out_of_frame))
+    return np.where(inside, summed[:, x[:, None], np.where(inside, other, 0)], float(out_of_frame))

@@ -7,13 +7,12 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from stereolag.core.arrays import Array, FloatMap, Mask
+from stereolag.core.arrays import Array, EightBit, FloatMap, Mask
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
 from stereolag.loops.vector_lanes import item
-from stereolag.stereo.semi_global.cost import NOISE_GREYS, EightBit
+from stereolag.stereo.semi_global.cost import NOISE_GREYS
 
 MIN_SCORE = 0.01
 """Lower scores are raised to this, so that all have a logarithm."""
@@ -53,7 +52,7 @@ def peaks_at_end(
     return inside, offset
 
 
-def _framed(image: EightBit, radius: int) -> npt.NDArray[np.int16]:
+def _framed(image: EightBit, radius: int) -> Array:
     """Return the levels minus 128, which keep the sums small, with a border of the radius."""
     framed = cv2.copyMakeBorder(image, radius, radius, radius, radius, cv2.BORDER_REFLECT_101)
     return np.subtract(framed, 128, dtype=np.int16)

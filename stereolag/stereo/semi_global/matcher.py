@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, field_validator
 
-from stereolag.core.arrays import Mask, ReasonMap
+from stereolag.core.arrays import EightBit, Mask, ReasonMap
 from stereolag.core.inputs import Image, as_eight_bit, as_grey, check_window, local_deviation, rescale_extreme_floats
 from stereolag.core.jobs import COSTS, Estimate, Progress
-from stereolag.core.settings import FitsImage, Pixels
+from stereolag.core.settings import FitsImage, Pixels, odd
 from stereolag.loops.bands import over_bands
 from stereolag.loops.vector_lanes import lanes_for
 from stereolag.stereo.finishing.stages import (
@@ -29,7 +29,7 @@ from stereolag.stereo.finishing.stages import (
     left_right_disagree,
 )
 from stereolag.stereo.matcher import MinDisparity, NumDisparities, PixelMatches, Reason, StereoMatcher, grey_bytes
-from stereolag.stereo.semi_global.cost import EightBit, MatchingCost, matching_cost
+from stereolag.stereo.semi_global.cost import MatchingCost, matching_cost
 from stereolag.stereo.semi_global.ends import peaks_at_end
 from stereolag.stereo.semi_global.optimisation import (
     PATHS,
@@ -56,9 +56,8 @@ OVERLAP = 24
 
 def strips(height: int, row_bytes: int) -> Iterator[tuple[int, int]]:
     """Yield (first, end) of strips of rows, each small enough for its volume to fit in MAX_VOLUME_BYTES."""
-    rows = max(1, MAX_VOLUME_BYTES // row_bytes - 2 * OVERLAP)
-    if height * row_bytes <= MAX_VOLUME_BYTES:
-        rows = height
+    whole = height * row_bytes <= MAX_VOLUME_BYTES
+    rows = height if whole else max(1, MAX_VOLUME_BYTES // row_bytes - 2 * OVERLAP)
     for first in range(0, height, rows):
         yield first, min(height, first + rows)
 
@@ -118,12 +117,7 @@ class SemiGlobalMatcher(StereoMatcher):
     surfaces: Surfaces = None
     median: Median = None
 
-    @field_validator("window_size")
-    @classmethod
-    def _odd(cls, value: int) -> int:
-        if value % 2 == 0:
-            raise ValueError(f"window_size is {value}; allowed are odd sizes, so that a pixel is the window's middle.")
-        return value
+    _odd = field_validator("window_size")(odd)
 
     def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
         """Return the memory and time of :meth:`compute` for images of a shape (rows, cols[, channels]) and dtype."""
@@ -228,7 +222,7 @@ class SemiGlobalMatcher(StereoMatcher):
             lead = found.runner_up - found.around[1]
             ambiguous = (found.runner_up >= 0) & (lead < round(self.ambiguity.lead * highest))
             reason = np.where(ambiguous, np.uint8(Reason.AMBIGUOUS), reason)
-        match = np.arange(lag.shape[1], dtype=np.int16) + dx
-        outside = match.view(np.uint16) >= lag.shape[1]  # negative numbers become large
+        place = np.arange(lag.shape[1], dtype=np.int16) + dx
+        outside = place.view(np.uint16) >= lag.shape[1]  # negative numbers become large
         np.copyto(reason, np.uint8(Reason.OUT_OF_FRAME), where=outside)
         return reason

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
-from stereolag.core.arrays import Array, FloatMap, ReasonMap
+from stereolag.core.arrays import Array, EightBit, FloatMap, ReasonMap
 from stereolag.core.jobs import Progress, silent
 from stereolag.core.settings import Settings
 from stereolag.loops.bands import in_threads, over_bands
@@ -31,10 +31,9 @@ from stereolag.loops.vector_lanes import (
     where_equal,
 )
 from stereolag.stereo.finishing.stages import NO_MATCH
+from stereolag.stereo.semi_global.cost import Costs
 
-Costs = npt.NDArray[np.uint8]
 Sums = npt.NDArray[np.uint16]
-Pixels = npt.NDArray[np.uint8]
 Span = tuple[int, int]
 
 PATHS = 8
@@ -44,7 +43,7 @@ WALL_COST = 30_000
 """Cost that keeps paths from lags beyond either end; twice this still fits in 16 bits."""
 
 CELLS_PER_REPORT = 40_000_000
-"""Pixels times lags between two progress calls: a few hundredths of a second."""
+"""EightBit times lags between two progress calls: a few hundredths of a second."""
 
 
 class SemiGlobal(Settings):
@@ -99,7 +98,7 @@ class SemiGlobal(Settings):
         return penalties
 
 
-def optimise(costs: Costs, guide: Pixels, settings: SemiGlobal, progress: Progress = silent) -> Sums:
+def optimise(costs: Costs, guide: EightBit, settings: SemiGlobal, progress: Progress = silent) -> Sums:
     """Return the path costs, summed over the eight paths that reach a pixel.
 
     H. Hirschmüller, "Stereo processing by semiglobal matching and mutual information", 2008. Along a path with
@@ -243,7 +242,7 @@ def _starts(height: int, width: int, row: int) -> tuple[int, int, int]:
 @compiled
 def _sweep(
     costs3: Costs,
-    guide2: Pixels,
+    guide2: EightBit,
     penalties: tuple[int, Array],
     backwards: bool,
     adds: bool,
@@ -296,7 +295,7 @@ def _sweep(
 
 
 @compiled
-def _price_jumps(guide: Pixels, large: Array, y: int, previous: int, backwards: bool, jumps: Array) -> None:
+def _price_jumps(guide: EightBit, large: Array, y: int, previous: int, backwards: bool, jumps: Array) -> None:
     """Set the large penalties of the four paths at every pixel of a row, in the order of the sweep."""
     last = guide.shape[1] - 1
     for j in range(last + 1):
@@ -318,7 +317,7 @@ def _grey_step(one: Any, other: Any) -> Any:
     return np.intp(max(one, other)) - np.intp(min(one, other))
 
 
-def optimise_reference(costs: Costs, guide: Pixels, settings: SemiGlobal) -> npt.NDArray[np.int64]:
+def optimise_reference(costs: Costs, guide: EightBit, settings: SemiGlobal) -> npt.NDArray[np.int64]:
     """Return the expected result of :func:`optimise`, computed from the formula pixel by pixel."""
     height, width, lags = costs.shape
     total, large = np.zeros(costs.shape, np.int64), settings.jumps

@@ -82,6 +82,8 @@ class PreparedPair:
         self.left_norm, self.right_norm = (
             window * float(np.ptp(one)) / 2 or 1.0 for one in (self.left, self.plain_right)
         )
+        # Scores are multiplied by this norm to undo their normalisation; 0 keeps it.
+        self.score_norm = self.right_norm if query.score == "cross" else 0.0
         self.share = 0.0 if query.score == "ncc" else 1 / window**2
         inside = query.lags.within(self.height - window, self.width - window)
         self.lags = query.lags if query.circular else inside
@@ -148,11 +150,6 @@ class PreparedPair:
             if stored.size:
                 as_scores(stored[first:end], stored[first:end].view(np.float32), left_inverse, self.score_norm)
 
-    @property
-    def score_norm(self) -> float:
-        """Return the norm by which scores are multiplied to undo their normalisation; 0 to keep it."""
-        return self.right_norm if self.score == "cross" else 0.0
-
     def matches(self) -> WindowMatches:
         """Return the matches found."""
         around = self.found.around.view(np.float32).reshape(-1, 3, self.rows, self.cols)
@@ -176,9 +173,8 @@ def comparable(left: Image, right: Image, window: int, score: str) -> tuple[Arra
     if left.dtype == np.uint8 and window <= MAX_EXACT_WINDOW_PX:
         return np.ascontiguousarray(left), np.ascontiguousarray(right), True, flat_energy(window**2, 255, exact=True)
     # One mean for both images, so that both are shifted by the same amount. "ncc" keeps the mean.
-    mean = 0.0 if score == "ncc" else float(np.rint((left.mean(dtype=float) + right.mean(dtype=float)) / 2))
-    if score != "ncc" and np.issubdtype(left.dtype, np.floating):
-        mean = float((left.mean(dtype=float) + right.mean(dtype=float)) / 2)
+    mean = 0.0 if score == "ncc" else float((left.mean(dtype=float) + right.mean(dtype=float)) / 2)
+    mean = mean if np.issubdtype(left.dtype, np.floating) else float(np.rint(mean))
     left, right = left.astype(np.float64) - mean, right.astype(np.float64) - mean
     brightest = max(float(np.abs(left).max()), float(np.abs(right).max()))
     whole_numbers = mean == np.rint(mean) and brightest > 1
@@ -292,7 +288,6 @@ def _workspace(pair: PreparedPair, columns: int) -> Workspace:
     )
 
 
-Spectrum = npt.NDArray[np.complex128]
 Surface = npt.NDArray[np.float64]
 
 BATCH_BYTES = 32 * 2**20
@@ -445,7 +440,7 @@ class _FftScores:
         areas = _cut(self.right, tops + pair.right_row, lefts + pair.right_col, self.area)
         if whitened or (pair.circular and pair.score != "ncc"):
             windows, areas = _mean_free(windows), _mean_free(areas)
-        spectrum: Spectrum = self.fft.rfft2(windows, self.fft_shape, workers=-1).conj()
+        spectrum: Array = self.fft.rfft2(windows, self.fft_shape, workers=-1).conj()
         spectrum *= self.fft.rfft2(areas, self.fft_shape, workers=-1)
         if whitened:
             _whiten(spectrum)
@@ -476,10 +471,8 @@ class _FftScores:
         scores, best_lanes = np.zeros((count, table.codes.size + LANES), np.int32), np.empty((count, LANES), np.int32)
         right_at = first_lag[0] * pair.right.shape[1] + first_lag[1]
 
-        def make_scores(begin: int, end: int) -> None:
-            score_products(begin, end, products, pair.share, left_at, left, right_at, right, table, scores, best_lanes)
-
-        over_bands(make_scores, count)
+        given = products, pair.share, left_at, left, right_at, right, table
+        over_bands(lambda begin, end: score_products(begin, end, *given, scores, best_lanes), count)
         return scores, best_lanes
 
 
@@ -508,7 +501,7 @@ def _mean_free(patches: Array) -> Array:
     return np.asarray(patches - patches.mean(axis=(1, 2), keepdims=True))
 
 
-def _whiten(spectrum: Spectrum) -> None:
+def _whiten(spectrum: Array) -> None:
     """Keep only the phase of a cross-power spectrum; frequencies without power are set to 0."""
     magnitude = np.abs(spectrum)
     floor = MIN_POWER_RATIO * magnitude.max(axis=(1, 2), keepdims=True)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from stereolag.core.arrays import ReasonMap
-from stereolag.core.inputs import Image, as_grey, check_window, rescale_extreme_floats
+from stereolag.core.inputs import Image, as_grey, rescale_extreme_floats
 from stereolag.core.jobs import COSTS, Estimate, Progress, silent
 from stereolag.core.settings import Applies, FitsImage, Pixels, changed
 from stereolag.stereo.finishing.stages import (
@@ -260,7 +260,6 @@ class CorrelationMatcher(StereoMatcher):
 
     def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
         """Match the images as grey, window by window, then check, filter and fill."""
-        check_window(self.window_size, left.shape)
         grey = rescale_extreme_floats(as_grey(left), as_grey(right))
         query = self.query(*grey)
         matches = find_matches(query, self._engine_for((left.shape[0], left.shape[1])), progress)

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
 from stereolag.core.arrays import Array, DoubleMap, FloatMap
@@ -19,7 +18,7 @@ class Windows(NamedTuple):
 
     total: Array
     """Sum of the pixels."""
-    inverse: npt.NDArray[np.float32]
+    inverse: FloatMap
     """1 / norm; NaN for an excluded window."""
 
 

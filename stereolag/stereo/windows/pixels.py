@@ -224,11 +224,8 @@ def spread_over_pixels(
     )
     ends = (asked.dy_first, asked.dy_last, asked.dx_first, asked.dx_last)
     last = (shape[0] - query.window_size, shape[1] - query.window_size)
-
-    def write(first: int, end: int) -> None:
-        _write_matches(first, end, at, query.step, last, ends, query.circular, flat, found, maps)
-
-    over_bands(write, grid[0])
+    given = at, query.step, last, ends, query.circular, flat, found
+    over_bands(lambda first, end: _write_matches(first, end, *given, maps), grid[0])
 
     def spread(values: Array, blank: Any) -> Array:
         rows, cols = (query.step * side for side in grid)

@@ -193,9 +193,8 @@ class LagRange:
         """Return the part within ±`max_dy` and ±`max_dx`; None if there is none."""
         dy_first, dy_last = max(self.dy_first, -max_dy), min(self.dy_last, max_dy)
         dx_first, dx_last = max(self.dx_first, -max_dx), min(self.dx_last, max_dx)
-        if dy_last < dy_first or dx_last < dx_first:
-            return None
-        return LagRange(dy_first, dy_last, dx_first, dx_last)
+        is_empty = dy_last < dy_first or dx_last < dx_first
+        return None if is_empty else LagRange(dy_first, dy_last, dx_first, dx_last)
 
     def ranked(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
         """Return (dy, dx) of every lag, in order of preference among equal scores.
