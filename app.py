@@ -4,15 +4,12 @@ from collections.abc import Callable
 
 import streamlit as st
 
-from stereolag import samples
+from stereolag import CorrelationMatcher, match_template, samples, signal_lag
 from stereolag.figures.maps import image_into_map
 from stereolag.figures.pictures import disparity_range
 from stereolag.figures.templates import match_close_up
 from stereolag.figures.verdicts import place
 from stereolag.pair_sources import example_pair
-from stereolag.signals import signal_lag
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.templates import match_template
 from stereolag.ui import prose, streams
 from stereolag.ui.depth.maps import map_task
 from stereolag.ui.depth.sentences import map_in_words

@@ -45,8 +45,7 @@ def parameters_of(settings: Settings, initial: Settings) -> dict[str, str]:
             parameters[name] = _text_of(value)
             continue
         if type(value) is not type(initial_value):
-            has_kind = KIND in type(value).model_fields
-            parameters |= {f"{name}.{KIND}": getattr(value, KIND)} if has_kind else {name: ON}
+            parameters |= {f"{name}.{KIND}": getattr(value, KIND)} if KIND in type(value).model_fields else {name: ON}
             initial_value = type(value)()
         parameters |= {f"{name}.{inner}": text for inner, text in parameters_of(value, initial_value).items()}
     return parameters
@@ -283,6 +282,8 @@ class Address(Generic[InputsT]):
 
     def _changed_choices(self) -> dict[str, str]:
         """Return the choices that differ from their initial values, as parameters."""
-        choices = self.choices()
-        values = {name: st.session_state.get(choice.key) for name, choice in choices.items()}
-        return {name: value for name, value in values.items() if value in choices[name].allowed[1:]}
+        return {
+            name: value
+            for name, choice in self.choices().items()
+            if (value := st.session_state.get(choice.key)) in choice.allowed[1:]
+        }

@@ -109,10 +109,11 @@ def is_heavy(estimate: Estimate) -> bool:
     return estimate.memory >= HEAVY_BYTES or estimate.seconds >= HEAVY_S
 
 
+@dataclass(eq=False)
 class Limiter:
     """Admits jobs, or streams, in order of arrival, as memory and places allow.
 
-    Parameters
+    Attributes
     ----------
     max_memory
         Limit for all admitted jobs together, bytes; a job on its own is always admitted.
@@ -120,12 +121,11 @@ class Limiter:
         Number of jobs that may be admitted at a time.
     """
 
-    def __init__(self, max_memory: int, max_jobs: int) -> None:
-        self._max_memory = max_memory
-        self._max_jobs = max_jobs
-        self._admitted: dict[object, int] = {}
-        self._waiting: dict[object, int] = {}
-        self._changed = threading.Condition()
+    max_memory: int
+    max_jobs: int
+    _admitted: dict[object, int] = field(default_factory=dict)
+    _waiting: dict[object, int] = field(default_factory=dict)
+    _changed: threading.Condition = field(default_factory=threading.Condition)
 
     def admit(self, job: object, memory: int = 0) -> bool:
         """Return whether a job that needs `memory` bytes is admitted; if not, queue it."""
@@ -180,8 +180,8 @@ class Limiter:
 
     def _fits(self, job: object, memory: int) -> bool:
         is_next = next(iter(self._waiting)) is job
-        places_suffice = len(self._admitted) < self._max_jobs
-        memory_suffices = sum(self._admitted.values()) + memory <= self._max_memory
+        places_suffice = len(self._admitted) < self.max_jobs
+        memory_suffices = sum(self._admitted.values()) + memory <= self.max_memory
         return is_next and (not self._admitted or (places_suffice and memory_suffices))
 
 

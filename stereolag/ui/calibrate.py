@@ -139,8 +139,10 @@ class BoardPictures(Inputs):
 
     def estimate(self, pairs: int) -> Estimate:
         """Return the cost of looking for the board in a number of pairs."""
-        seconds = 2 * pairs * (SEARCH_S_PER_PICTURE + SEARCH_S_PER_MEGAPIXEL * self.pixels / 1e6)
-        return Estimate(SEARCH_BYTES_PER_PIXEL * self.pixels + 64 * 2**20, seconds)
+        return Estimate(
+            memory=SEARCH_BYTES_PER_PIXEL * self.pixels + 64 * 2**20,
+            seconds=2 * pairs * (SEARCH_S_PER_PICTURE + SEARCH_S_PER_MEGAPIXEL * self.pixels / 1e6),
+        )
 
 
 def choose_board_pictures() -> BoardPictures | None:
@@ -164,12 +166,16 @@ def _example(name: str) -> BoardPictures:
         drawn_rig(), example.board, EXAMPLE_PAIRS + 1, square_m=example.square_m, seed=5, partly=example.partly
     )
     pairs[MISMATCHED_PAIR] = pairs[MISMATCHED_PAIR][0], another[1]
-    names = tuple(str(number) for number in range(1, len(pairs) + 1))
-    description = (
-        f"{len(pairs)} pairs **drawn by this app** with a camera whose lens and position are known, so that the result "
-        f"can be checked. The right picture of pair {MISMATCHED_PAIR + 1} is from another moment."
+    return BoardPictures(
+        description=f"{len(pairs)} pairs **drawn by this app** with a camera whose lens and position are known, so "
+        f"that the result can be checked. The right picture of pair {MISMATCHED_PAIR + 1} is from another moment.",
+        digest=f"drawn {name}",
+        shared=True,
+        names=tuple(str(number) for number in range(1, len(pairs) + 1)),
+        pairs=pairs,
+        pixels=pairs[0][0].size,
+        example=name,
     )
-    return BoardPictures(description, f"drawn {name}", True, names, pairs, pairs[0][0].size, name)
 
 
 @in_fold(KEY)
@@ -188,14 +194,16 @@ def _own() -> BoardPictures | None:
     if given is None:
         return None
     names, pairs, pixels, unused = given.content
-    listed = ", ".join(map(quote, unused[:MAX_NAMED_FILES]))
+    listed = ", ".join(map(quote, unused[:4]))
     remark = f" Not used, as they have no partner or are not pictures: {listed}." if unused else ""
-    description = f"{len(names)} pairs, matched by name.{remark}"
-    return BoardPictures(description, hashlib.sha256(given.digest.encode()).hexdigest(), False, names, pairs, pixels)
-
-
-MAX_NAMED_FILES = 4
-"""Number of unused files listed by name."""
+    return BoardPictures(
+        description=f"{len(names)} pairs, matched by name.{remark}",
+        digest=hashlib.sha256(given.digest.encode()).hexdigest(),
+        shared=False,
+        names=names,
+        pairs=pairs,
+        pixels=pixels,
+    )
 
 
 def matched(files: Sequence[tuple[str, bytes]]) -> tuple[tuple[str, ...], Pairs, int, list[str]]:
@@ -217,12 +225,6 @@ def matched(files: Sequence[tuple[str, bytes]]) -> tuple[tuple[str, ...], Pairs,
 
 
 # The board, and the calibration
-
-SQUARE_LIMITS_MM = (0.1, 10_000.0)
-"""Lowest and highest side of a square that can be entered, mm."""
-
-CALIBRATION_BYTES = 64 * 2**20
-"""Memory of a calibration, bytes."""
 
 CALIBRATION_S_PER_PAIR = 0.35
 """Time of a calibration per pair, s, if the board is bent; a flat one takes a quarter."""
@@ -258,7 +260,8 @@ def ask_board(pictures: BoardPictures) -> tuple[Board, float | None] | None:
         )
     side = st.number_input(
         "Side of a square, mm",
-        *SQUARE_LIMITS_MM,
+        0.1,
+        10_000.0,
         1000 * example.square_m if example else None,
         format="%.3f",
         placeholder="measure it",
@@ -304,16 +307,17 @@ def ask_pairs(pictures: BoardPictures, views: BoardViews) -> frozenset[int]:
     usable = [*views.both]
     if not usable:
         return frozenset()
-    used = st.pills(
-        "Pairs used: click one to leave it out or to use it again",
-        usable,
-        selection_mode="multi",
-        default=usable,
-        format_func=lambda number: pictures.names[number],
-        **persistent(f"{KEY}.count.{pictures.digest}.{views.board!r}"),
-        wrap=True,
+    return frozenset(usable).difference(
+        st.pills(
+            "Pairs used: click one to leave it out or to use it again",
+            usable,
+            selection_mode="multi",
+            default=usable,
+            format_func=lambda number: pictures.names[number],
+            **persistent(f"{KEY}.count.{pictures.digest}.{views.board!r}"),
+            wrap=True,
+        )
     )
-    return frozenset(usable) - frozenset(used)
 
 
 def calibrated(
@@ -329,7 +333,7 @@ def calibrated(
     return computed_or_refused(
         "calibration",
         lambda _: calibrate_boards(views, square_m, leave_out=leave_out),
-        Estimate(CALIBRATION_BYTES, CALIBRATION_S_PER_PAIR * len(views)),
+        Estimate(64 * 2**20, CALIBRATION_S_PER_PAIR * len(views)),
         **kept_for(pictures, f"{views.board!r} {square_m} {sorted(leave_out)}"),
         label="Calibrating …",
     )
@@ -412,9 +416,8 @@ def show_pair(pictures: BoardPictures, views: BoardViews, number: int, result: S
     left, right = (report.left, report.right) if report else (views.left[number], views.right[number])
 
     def draw(_: object) -> list[bytes]:
-        images = (as_image(picture, "The picture") for picture in pictures.pairs[number])
-        detected = views.left[number], views.right[number]
-        return [jpeg(with_corners(*one, views.board)) for one in zip(images, detected, strict=True)]
+        sides = zip(pictures.pairs[number], (views.left[number], views.right[number]), strict=True)
+        return [jpeg(with_corners(as_image(picture, "The picture"), found, views.board)) for picture, found in sides]
 
     drawn = computed(
         "corners drawn",
@@ -453,7 +456,6 @@ def show_coverage(pictures: BoardPictures, views: BoardViews, number: int, resul
     """Show where in the pictures the board has been."""
     calibration = result.calibration
     assert calibration.width is not None and calibration.height is not None
-    size = calibration.width, calibration.height
     used = [result.pairs[number] for number in result.used]
     sides = (
         ("Left", [pair.left for pair in used if pair.left], result.left_coverage),
@@ -461,7 +463,7 @@ def show_coverage(pictures: BoardPictures, views: BoardViews, number: int, resul
     )
     for side, corners, share in in_columns(sides, gap="small"):
         caption = f"{side}: boards covered {percent(share)} of the picture"
-        show_picture(png(coverage_picture(corners, size)), caption)
+        show_picture(png(coverage_picture(corners, (calibration.width, calibration.height))), caption)
         prose.caption(caption)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, cast
 
 import cv2
 import numpy as np
@@ -205,21 +205,26 @@ class Taking:
     def _answer(self, said: str = "", corners: Sequence[Places] = (), want: bool = False) -> bytes:
         """Return an answer: what to do next, the corners in both views, and whether the pair is wanted in full size."""
         taken = self.taken()
-        header = {"said": f"{said} {taken['said']}".strip(), "corners": corners, "wanted": want, "digest": "boards"}
-        return packed_item(taken | header).data
+        return packed_item(
+            {
+                **taken,
+                "said": f"{said} {taken['said']}".strip(),
+                "corners": corners,
+                "wanted": want,
+                "digest": "boards",
+            }
+        ).data
 
 
 def _fractions(places: DoubleMap, size: tuple[int, int]) -> Places:
     """Return places in a picture, px, as fractions of its width and height, to four decimals."""
-    fractions: Places = np.round((places + 0.5) / size, 4).tolist()
-    return fractions
+    return cast(Places, np.round((places + 0.5) / size, 4).tolist())
 
 
 @fragment
 def show_live() -> None:
     """Draw the camera; the pairs become the page's own files once there are enough, or when the visitor says so."""
     taking: Taking = st.session_state.setdefault(f"{KEY}.live", Taking())
-    stream = open_stream(KEY, Shown, taking.answer)
     controls, result_place = bench()
     with controls:
         arrangement, crossed = ask_arrangement(f"{KEY}.camera", [name for name in CAMERAS if name != "moved"])
@@ -227,7 +232,7 @@ def show_live() -> None:
         component("boards")(
             key=f"{KEY}.boards",
             data={
-                **connected(stream, LIVE_CAMERA_WORDS | LIVE_WORDS),
+                **connected(open_stream(KEY, Shown, taking.answer), LIVE_CAMERA_WORDS | LIVE_WORDS),
                 "arrangement": arrangement,
                 "crossed": crossed,
                 "taken": taking.taken(),
@@ -244,8 +249,7 @@ def _calibrate_with_these() -> None:
     taking: Taking = st.session_state[f"{KEY}.live"]
     if len(taking.collected.poses) < MIN_PAIRS:
         return
-    count = len(taking.files) // 2
-    hand_in([*taking.files], matched, f"The {count} pairs that the camera took are in use.", key=FILES)
+    hand_in([*taking.files], matched, f"The {len(taking.files) // 2} pairs that the camera took are in use.", key=FILES)
     st.session_state[KEY] = OWN
     if not taking.missing:
         _start_over()

@@ -15,6 +15,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from functools import cache
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -162,8 +163,7 @@ def packed_item(header: Mapping[str, Any], parts: Sequence[bytes] = ()) -> Packe
     Two fields are added to the header: `parts`, the start and length of each part after the header, and `digest`, a
     digest of the content unless the header already has one.
     """
-    ends = np.cumsum([len(part) for part in parts], dtype=int).tolist()
-    places = [(end - len(part), len(part)) for end, part in zip(ends, parts, strict=True)]
+    places = [(end - len(part), len(part)) for end, part in zip(accumulate(map(len, parts)), parts, strict=True)]
     digest = header.get("digest") or hashlib.sha256(json.dumps(header).encode() + b"".join(parts)).hexdigest()
     text = json.dumps({**header, "digest": digest, "parts": places}).encode()
     return Packed(len(text).to_bytes(4, "little") + text + b"".join(parts), digest)
@@ -171,8 +171,10 @@ def packed_item(header: Mapping[str, Any], parts: Sequence[bytes] = ()) -> Packe
 
 def packed_pictures(header: Mapping[str, Any], pictures: Sequence[Rgb | bytes]) -> bytes:
     """Return an item with each picture, (rows, cols, 3) uint8 RGB or a PNG, as a PNG, and `steps`, those of a score."""
-    parts = [picture if isinstance(picture, bytes) else png(picture) for picture in pictures]
-    return packed_item({**header, "steps": SCORE_STEPS}, parts).data
+    return packed_item(
+        {**header, "steps": SCORE_STEPS},
+        [picture if isinstance(picture, bytes) else png(picture) for picture in pictures],
+    ).data
 
 
 def scores_as_colours(scores: Array) -> Rgb:
@@ -201,20 +203,19 @@ def packed_search(
     places
         Places to frame: the `kind` of each, and its `corners` as x and y in the reduced picture.
     """
-    header = {
-        "name": name,
-        "factor": search.factor,
-        "row": search.row,
-        "col": search.col,
-        "places": list(places),
-        "leaders": [
-            {"row": row, "col": col, "score": score, "relief": data_url(png(relief(search, row, col)))}
-            for row, col, score in search.leaders
-        ],
-        "words": dict(words),
-    }
     return packed_pictures(
-        header,
+        {
+            "name": name,
+            "factor": search.factor,
+            "row": search.row,
+            "col": search.col,
+            "places": list(places),
+            "leaders": [
+                {"row": row, "col": col, "score": score, "relief": data_url(png(relief(search, row, col)))}
+                for row, col, score in search.leaders
+            ],
+            "words": dict(words),
+        },
         (
             search.picture,
             np.dstack([search.template, search.opaque * np.uint8(255)]),
@@ -240,9 +241,13 @@ def packed_score_map(png: bytes, score_map: ScoreMap, *, name: str, words: Mappi
     """
     factor = block_side(score_map)
     best, down, right = best_of_blocks(score_map, factor)
-    offsets = np.stack([down, right, np.zeros_like(down)], axis=-1).astype(np.uint8)
     return packed_pictures(
-        {"name": name, "factor": factor, "words": dict(words)}, (png, scores_as_colours(best), offsets)
+        {"name": name, "factor": factor, "words": dict(words)},
+        (
+            png,
+            scores_as_colours(best),
+            np.stack([down, right, np.zeros_like(down)], axis=-1).astype(np.uint8),
+        ),
     )
 
 
@@ -264,5 +269,14 @@ def packed_grey_pair(left: Image, right: Image, truth: FloatMap | None, *, name:
     if truth is not None:
         codes = np.rint((truth.astype(np.float64) + TRUTH_OFFSET_PX) * TRUTH_STEPS_PER_PX)
         parts.append(png(_in_two_bytes(np.where((codes > 0) & (codes < 2**16), codes, 0))))
-    header = {"kind": "pair", "name": name, "digest": digest, "rows": left.shape[0], "cols": left.shape[1]}
-    return packed_item(header | {"deviation": float(grey[0].std())}, parts).data
+    return packed_item(
+        {
+            "kind": "pair",
+            "name": name,
+            "digest": digest,
+            "rows": left.shape[0],
+            "cols": left.shape[1],
+            "deviation": float(grey[0].std()),
+        },
+        parts,
+    ).data

@@ -94,8 +94,7 @@ def visitor_memory() -> _Memory:
 
     Within a counted run it is looked up only once, because every control needs it several times.
     """
-    memory: _Memory = _remembered.get() or st.session_state.setdefault("controls", _Memory())
-    return memory
+    return _remembered.get() or st.session_state.setdefault("controls", _Memory())
 
 
 @contextmanager
@@ -213,15 +212,19 @@ def control(
         return st.toggle(value=initial, **widget)
     options = choices(info)
     if options:
-        named = (names or {}).get
         return st.segmented_control(
-            options=options, default=initial, format_func=lambda choice: named(choice, choice), required=True, **widget
+            options=options,
+            default=initial,
+            format_func=lambda choice: (names or {}).get(choice, choice),
+            required=True,
+            **widget,
         )
     bounds = Bounds.of(info).narrowed(low, high)
     if when_empty is not None or initial is None or bounds.low is None or bounds.high is None:
         widget |= {"min_value": bounds.low, "max_value": bounds.high, "step": bounds.step, "value": initial}
-        number_format = "%g" if isinstance(bounds.step, float) else "%d"
-        return st.number_input(format=number_format, placeholder=when_empty, **widget)
+        return st.number_input(
+            format="%g" if isinstance(bounds.step, float) else "%d", placeholder=when_empty, **widget
+        )
     if adopted:
         bounds = Bounds(min(bounds.low, initial), max(bounds.high, initial), bounds.step)
     initial = bounds.nearest(initial)
@@ -306,5 +309,4 @@ def last_valid(make: Callable[[], T], key: str, sentence: str = "{}") -> T | Non
     """Return the result of `make`; if that fails, show why, within `sentence`, and return the last valid one."""
     with refusals_shown(sentence):
         st.session_state[key] = make()
-    settings: T | None = st.session_state.get(key)
-    return settings
+    return st.session_state.get(key)

@@ -230,19 +230,22 @@ def take_away(
     key
         Prefix of the keys.
     """
-    make_zip = partial(archive, files, f"To {purpose}, in the folder of these files: {command}")
+    about = f"To {purpose}, in the folder of these files: {command}"
     with st.container(horizontal=True, gap="small"):
-        show_zip_button(make_zip, memory, key=key, refusal=too_large(memory))
+        show_zip_button(partial(archive, files, about), memory, key=key, refusal=too_large(memory))
         show_file_buttons(files, memory, key=key)
     prose.caption(f"To {purpose}, in the folder of the unpacked ZIP:")
     st.code(command, language=None, wrap_lines=True)
-    if own:
-        prose.caption("The address of this page holds its settings, but not your own files.")
-        return
-    said = "The address of this page holds its settings and the example: share or bookmark it."
+    said = (
+        "The address of this page holds its settings, but not your own files."
+        if own
+        else "The address of this page holds its settings and the example: share or bookmark it."
+    )
     if by_hand:
-        missing = f"The {' and the '.join(by_hand)} {'is' if len(by_hand) == 1 else 'are'}"
-        said += f" {missing} not in it: it opens the example’s own template."
+        said += (
+            f" The {' and the '.join(by_hand)} {'is' if len(by_hand) == 1 else 'are'} not in it: it opens the "
+            "example’s own template."
+        )
     prose.caption(said)
 
 

@@ -36,16 +36,21 @@ class Number(NamedTuple):
 def show_numbers(numbers: Iterable[Number]) -> None:
     """Show numbers in one line of text, with their meanings as its tooltip."""
     shown = [*numbers]
-    line = " · ".join(f"{label} **{value}**" for label, value, _ in shown)
-    prose.caption(line, help=typeset("\n".join(f"- **{label}**: {meaning}" for label, _, meaning in shown)))
+    prose.caption(
+        " · ".join(f"{label} **{value}**" for label, value, _ in shown),
+        help=typeset("\n".join(f"- **{label}**: {meaning}" for label, _, meaning in shown)),
+    )
 
 
 def show_note(text: str, icon: str = "") -> None:
     """Show the first sentence up to its colon, with the whole text as its tooltip, and the other sentences."""
     first, _, more = text.partition(". ")
     brief, _, details = first.partition(": ")
-    shown = " ".join(filter(None, (icon, f"{brief.removesuffix('.')}.", more)))
-    prose.caption(shown, help=typeset(text) if details else None, width="content")
+    prose.caption(
+        " ".join(filter(None, (icon, f"{brief.removesuffix('.')}.", more))),
+        help=typeset(text) if details else None,
+        width="content",
+    )
 
 
 def show_offer(sentence: str, label: str, key: str, act: Callable[[], None], note: str | None = None) -> None:

@@ -171,8 +171,8 @@ def packed(picture: Picture, more: Mapping[str, Any] | None = None) -> PackedPic
     ValueError
         If pixels and readings differ in size, or there are neither.
     """
-    arrays = [*([] if picture.pixels is None else [picture.pixels]), *(one.values for one in picture.readings)]
-    shapes = {array.shape[:2] for array in arrays}
+    arrays = picture.pixels, *(one.values for one in picture.readings)
+    shapes = {array.shape[:2] for array in arrays if array is not None}
     if len(shapes) != 1:
         raise ValueError(f"pixels and readings have the shapes {sorted(shapes)}; they must all have one.")
     shape = shapes.pop()
@@ -202,12 +202,11 @@ def described(
 
     `name` identifies the set; `colours` are needed if a picture has no pixels.
     """
-    rows, cols = packs[0].shape
     return {
         "kind": "description",
         "name": name,
-        "rows": rows,
-        "cols": cols,
+        "rows": packs[0].shape[0],
+        "cols": packs[0].shape[1],
         "step": packs[0].step,
         "columns": columns,
         "hint": hint,

@@ -31,7 +31,7 @@ from stereolag.core.settings import (
 )
 from stereolag.pair import Pair
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.stereo.methods import METHODS, PresetName, preset
+from stereolag.stereo.methods import METHODS, preset
 from stereolag.ui.controls import adopt_value, class_of, control, kept_value, persistent, visitor_memory
 from stereolag.ui.elements import show_refused
 from stereolag.ui.sentences import CHOICE_NAMES
@@ -71,14 +71,15 @@ def preset_key(name: str) -> str:
 
 DEFAULT_DISPARITIES = 64
 """Number of disparities searched in a pair whose range is not known."""
-DEFAULT_PRESET: PresetName = "fast"
-"""Initial preset for a visitor's own pair."""
 
 Matcher = TypeVar("Matcher", bound=StereoMatcher)
 
 
 def default_settings(kind: type[Matcher], pair: Pair) -> Matcher:
-    """Return the initial settings for a pair; those for an example leave visible errors, for the visitor to mend."""
+    """Return the initial settings for a pair: for a visitor's own, the fast preset, if it is one of this method.
+
+    Those for an example leave visible errors, for the visitor to mend.
+    """
     return cast(
         Matcher, _default_settings(kind, pair.min_disparity, pair.num_disparities or DEFAULT_DISPARITIES, pair.shared)
     )
@@ -87,7 +88,7 @@ def default_settings(kind: type[Matcher], pair: Pair) -> Matcher:
 @functools.lru_cache
 def _default_settings(kind: type[StereoMatcher], first: int, count: int, shared: bool) -> StereoMatcher:
     if not shared:
-        matcher = preset(DEFAULT_PRESET, count, first)
+        matcher = preset("fast", count, first)
         if isinstance(matcher, kind):
             return matcher
     return kind().with_search_range(first, count)
@@ -106,8 +107,10 @@ def _fields(kind: type[Settings]) -> dict[str, FieldInfo]:
 @functools.cache
 def _kinds(kind: type[Settings], name: str) -> dict[str, type[Settings]]:
     """Return {kind: its class} for a field that holds nested settings; empty for other fields."""
-    allowed = cast(tuple[type[Settings], ...], nested(kind.model_fields[name]))
-    return {str(one.model_fields[KIND].default) if KIND in one.model_fields else "": one for one in allowed}
+    return {
+        str(one.model_fields[KIND].default) if KIND in one.model_fields else "": one
+        for one in cast(tuple[type[Settings], ...], nested(kind.model_fields[name]))
+    }
 
 
 def _first_shown(kind: type[Settings]) -> Iterable[str]:

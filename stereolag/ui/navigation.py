@@ -90,8 +90,7 @@ FOLD_WIDTH = 320
 def bench() -> tuple[inside.Container, inside.Container]:
     """Return the containers for the controls and, beside them, for the result; on a phone the result comes first."""
     both = st.container(horizontal=True, gap="medium", vertical_alignment="top", key="bench")
-    controls = both.container(width=CONTROLS_WIDTH, gap="xsmall", key="bench-controls")
-    return controls, both.container(key="bench-result")
+    return both.container(width=CONTROLS_WIDTH, gap="xsmall", key="bench-controls"), both.container(key="bench-result")
 
 
 def show_parts(key: str, parts: Mapping[str, Callable[P, None]], *args: P.args, **kwargs: P.kwargs) -> None:

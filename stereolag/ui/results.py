@@ -10,7 +10,7 @@ import math
 import threading
 import weakref
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, TypeVar, cast
 
@@ -51,17 +51,17 @@ MAX_ALL_OWN_BYTES = 1024 * 2**20
 """Limit for the results of all visitors' own files, bytes."""
 
 
+@dataclass(eq=False)
 class RecentResults:
     """The most recently used results, as many as fit into `max_bytes`; the newest is kept whatever its size.
 
     `on_put` is called after each new result.
     """
 
-    def __init__(self, max_bytes: int, on_put: Callable[[], None] = lambda: None) -> None:
-        self._max_bytes = max_bytes
-        self._on_put = on_put
-        self._results: LRUCache[str, Any] = LRUCache(math.inf, getsizeof=_bytes_of)
-        self._lock = threading.Lock()
+    max_bytes: int
+    on_put: Callable[[], None] = lambda: None
+    _results: LRUCache[str, Any] = field(default_factory=lambda: LRUCache(math.inf, getsizeof=_bytes_of))
+    _lock: threading.Lock = field(default_factory=threading.Lock)
 
     @property
     def size(self) -> int:
@@ -77,8 +77,8 @@ class RecentResults:
         """Keep a result, and drop the least recently used ones that no longer fit."""
         with self._lock:
             self._results[key] = result
-        self.shrink(self._max_bytes)
-        self._on_put()
+        self.shrink(self.max_bytes)
+        self.on_put()
 
     def shrink(self, max_bytes: int) -> None:
         """Drop the least recently used results until the rest fit or only the newest remains."""
@@ -87,10 +87,11 @@ class RecentResults:
                 self._results.popitem()
 
 
+@dataclass(eq=False)
 class SharedRoom:
     """A memory limit shared by all visitors' own results: the more visitors, the less each may keep.
 
-    Parameters
+    Attributes
     ----------
     max_bytes
         Limit for all visitors together, bytes; the newest result of each visitor is kept regardless.
@@ -98,23 +99,22 @@ class SharedRoom:
         Limit for one visitor, bytes.
     """
 
-    def __init__(self, max_bytes: int, max_each: int) -> None:
-        self._max_bytes = max_bytes
-        self._max_each = max_each
-        self._all: weakref.WeakSet[RecentResults] = weakref.WeakSet()
+    max_bytes: int
+    max_each: int
+    _all: weakref.WeakSet[RecentResults] = field(default_factory=weakref.WeakSet)
 
     def results(self) -> RecentResults:
         """Return the store of one more visitor."""
-        results = RecentResults(self._max_each, self._shrink_all)
+        results = RecentResults(self.max_each, self._shrink_all)
         self._all.add(results)
         return results
 
     def _shrink_all(self) -> None:
         """Shrink every visitor's store to an equal share if together they exceed the limit."""
         stores = list(self._all)
-        if sum(store.size for store in stores) > self._max_bytes:
+        if sum(store.size for store in stores) > self.max_bytes:
             for store in stores:
-                store.shrink(self._max_bytes // len(stores))
+                store.shrink(self.max_bytes // len(stores))
 
 
 _room = SharedRoom(MAX_ALL_OWN_BYTES, MAX_OWN_BYTES)
@@ -237,14 +237,13 @@ def computed_in_turn(
         job.cancel()
         del jobs[task]
         job = None
-    results = _results(shared)
-    result: T | None = results.get(key)
+    kept: dict[str, Any] = {"inputs": inputs, "settings": settings, "shared": shared}
     refused = estimate.memory > limits().job_memory
-    if job is None and (result is not None or refused or not is_heavy(estimate)):
+    if job is None and (refused or not is_heavy(estimate) or computed_before(task, **kept) is not None):
         if estimate.seconds < PATIENCE_S:
             # Too short for a progress bar, which itself takes time to draw.
-            return _remembered_alone(task, compute, inputs=inputs, settings=settings, shared=shared)
-        return computed(task, partial(_alone, compute), inputs=inputs, settings=settings, shared=shared, label=label)
+            return _remembered_alone(task, compute, **kept)
+        return computed(task, partial(_alone, compute), **kept, label=label)
     place = st.empty()
     if job is None:
         job = Job(lambda job: compute(job.report_or_end), estimate)
@@ -265,9 +264,7 @@ def computed_in_turn(
             watch(job, partial(show_busy, job, label, key=f"results.cancel.{task}"), until_cancelled=True)
         return None
     del jobs[task]
-    result = job.result()
-    results.put(key, result)
-    return result
+    return cast(T, remembered(task, job.result, **kept))
 
 
 @dataclass(frozen=True)

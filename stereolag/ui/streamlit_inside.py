@@ -350,8 +350,7 @@ def keep_file(content: bytes, file_name: str, media_type: str, coordinates: str)
 
     Streamlit itself drops a file made on demand at the end of the second run after that, of any visitor.
     """
-    files = runtime.get_instance().media_file_mgr
-    files.add(content, media_type, coordinates, file_name, is_for_static_download=True)
+    runtime.get_instance().media_file_mgr.add(content, media_type, coordinates, file_name, is_for_static_download=True)
 
 
 def forget_file(coordinates: str) -> None:

@@ -227,11 +227,11 @@ def address_of(stream: Stream) -> dict[str, Any]:
 @fragment
 def _mount_carrier(stream: Stream) -> None:
     key = f"live.{stream.name}.carrier"
-
-    def take() -> None:
-        stream.take(st.session_state[key].message)
-
-    component("delivery")(key=key, data=stream.carried, on_message_change=take)
+    component("delivery")(
+        key=key,
+        data=stream.carried,
+        on_message_change=lambda: stream.take(st.session_state[key].message),
+    )
 
 
 def _not_ready(message: Message) -> bytes:
@@ -414,9 +414,8 @@ async def _receive(socket: WebSocket, stream: Stream, arrived: asyncio.Queue[Mes
         received = await socket.receive()
         if received["type"] == "websocket.disconnect":
             raise WebSocketDisconnect(received.get("code", 1000))
-        data = received.get("bytes")
         try:
-            arrived.put_nowait(_checked_message(data or b"", stream.kind))
+            arrived.put_nowait(_checked_message(received.get("bytes") or b"", stream.kind))
         except asyncio.QueueFull:
             raise _Closed(FLOOD) from None
 

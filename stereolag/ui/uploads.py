@@ -8,7 +8,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar, cast
 
 import streamlit as st
 
@@ -52,7 +52,7 @@ class _Kept(Generic[T]):
     upload: Upload[T]
     source: tuple[tuple[str, ...], str | None]
     contents: list[bytes]
-    said: str = "The file you uploaded here before is still in use."
+    said: str
 
 
 @dataclass
@@ -80,6 +80,20 @@ class _State(Generic[T]):
     def forget(self) -> None:
         """Forget the content, but not what was set aside."""
         self.kept, self.refused, self.emptied = None, None, False
+
+    def keep(
+        self,
+        content: T,
+        files: tuple[str, ...],
+        variant: str | None,
+        contents: list[bytes],
+        said: str = "The file you uploaded here before is still in use.",
+    ) -> Upload[T]:
+        """Keep the content read from the bytes of these files, in place of any other, and return it as an upload."""
+        self.forget()
+        upload = Upload(_digest(contents) + (variant or ""), content)
+        self.kept = _Kept(upload, (files, variant), [] if variant is None else contents, said)
+        return upload
 
 
 def upload(
@@ -113,7 +127,6 @@ def upload(
         Whether the file is still there when the visitor returns from another page or from an example.
     """
     file = st.file_uploader(label, key=key, help=_accepted(types, note), on_change=_note_emptied, args=(key,))
-    files = [] if file is None else [file]
 
     def read_one(contents: list[bytes]) -> T:
         try:
@@ -121,7 +134,7 @@ def upload(
         except ValueError as error:
             raise ValueError(f"{quote(file.name)}: {error}" if file else str(error)) from error
 
-    given = _read_once(files, read_one, key, variant, lasting)
+    given = _read_once([] if file is None else [file], read_one, key, variant, lasting)
     if "(optional)" not in label:
         st.session_state.setdefault(HERE_KEY, {})[label] = given is not None
     return given
@@ -153,8 +166,14 @@ def upload_part(
     held = st.session_state.get(key)
     chooser = f"{key}.{word.lower()}.{held.file_id if held else ''}"  # another file has other parts
     number: int = st.session_state.get(chooser, 1)
-    variant = f" {word.lower()} {number}" if number != 1 else ""
-    file = upload(label, lambda data: read(data, number), key=key, types=types, note=note, variant=variant)
+    file = upload(
+        label,
+        lambda data: read(data, number),
+        key=key,
+        types=types,
+        note=note,
+        variant=f" {word.lower()} {number}" if number != 1 else "",
+    )
     names = [] if file is None else parts(file.content)
     if len(names) > 1:
         st.selectbox(word, range(1, len(names) + 1), format_func=lambda one: names[one - 1], key=chooser)
@@ -190,15 +209,17 @@ def upload_named(
 
     They are read in order of name, not of arrival: left before right, camera 0 before camera 1.
     """
-    given = st.file_uploader(
-        label,
-        key=key,
-        help=_accepted(types, note),
-        accept_multiple_files=True,
-        on_change=_note_emptied,
-        args=(key,),
+    files = sorted(
+        st.file_uploader(
+            label,
+            key=key,
+            help=_accepted(types, note),
+            accept_multiple_files=True,
+            on_change=_note_emptied,
+            args=(key,),
+        ),
+        key=lambda file: file.name.lower(),
     )
-    files = sorted(given, key=lambda file: file.name.lower())
     names = [file.name for file in files]
     return _read_once(files, lambda contents: read([*zip(names, contents, strict=True)]), key, variant)
 
@@ -260,16 +281,11 @@ def _read_once(
         state.set_aside = -math.inf, None
         state.kept = before if time.monotonic() - moment <= MAX_SET_ASIDE_S else None
     if state.refused != source:
-        digest = _digest(contents) + (variant or "")
         try:
             with st.spinner("Reading the file …"):
-                read_now = Upload(digest, read(contents))
+                return state.keep(read(contents), *source, contents)
         except ValueError as error:
             state.refused, state.sentence = source, str(error)
-        else:
-            state.forget()
-            state.kept = _Kept(read_now, source, [] if variant is None else contents)
-            return read_now
     if state.kept is None:
         refuse(state.sentence)
         return None
@@ -286,12 +302,8 @@ def hand_in(
     variant: str | None = None,
 ) -> None:
     """Use files as those of the uploader `key`, like :func:`upload_named`; `said` tells the visitor about them."""
-    state = _state(key)
-    state.forget()
     contents = [content for _, content in files]
-    digest = _digest(contents)
-    kept = [] if variant is None else contents
-    state.kept = _Kept(Upload(digest + (variant or ""), read(files)), ((digest,), variant), kept, said)
+    _state(key).keep(read(files), (_digest(contents),), variant, contents, said)
 
 
 def hand_in_picture(data: bytes, said: str, *, key: str) -> None:
@@ -309,8 +321,7 @@ def _digest(contents: Sequence[bytes]) -> str:
 
 
 def _state(key: str) -> _State[Any]:
-    state: _State[Any] = st.session_state.setdefault(f"{key}.state", _State())
-    return state
+    return cast(_State[Any], st.session_state.setdefault(f"{key}.state", _State()))
 
 
 def _wait_for_another() -> None:

@@ -102,17 +102,20 @@ class Accuracy:
 def show_comparison(view: DepthView) -> None:
     """Show all maps in one colour range, the difference of two of them, and where the methods agree."""
     maps = view.maps
-    pictures = [photograph(LEFT, view.pair.left), *(map_picture(view, name) for name in view.results)]
-    pictures += truth_picture(view)
+    pictures = [
+        photograph(LEFT, view.pair.left),
+        *(map_picture(view, name) for name in view.results),
+        *truth_picture(view),
+    ]
     legends = list(map_legends(view))
     if len(maps) > 1:
         pictures.append(_difference(maps))
         legends.append(strip_legend("difference, px", -MAX_DIFFERENCE_PX, MAX_DIFFERENCE_PX, BELOW_TO_ABOVE))
     if len(view.results) > 1:
         pictures.append(_agreement(view))
-        partly = [(SOME_AGREE, "some agree")] if len(view.results) > 2 else []
-        colours, meanings = zip((ALL_AGREE, "all agree to 1 px"), *partly, (ALL_DIFFER, "none agree"), strict=True)
-        legends.append(word_legend("agreement", [hexadecimal(colour) for colour in colours], meanings))
+        partly = {"some agree": SOME_AGREE} if len(view.results) > 2 else {}
+        legend = {"all agree to 1 px": ALL_AGREE, **partly, "none agree": ALL_DIFFER}
+        legends.append(word_legend("agreement", [hexadecimal(colour) for colour in legend.values()], [*legend]))
     linked_pictures(pictures, key=COMPARISON, colours=view.colours, legends=legends)
 
 
@@ -143,7 +146,7 @@ def _agreement(view: DepthView) -> Picture:
     agreed = agreeing == count
     wrong = None
     if truth is not None and (agreed & np.isfinite(truth)).any():
-        judged = [np.where(agreed, maps[0], np.nan), *maps]
+        judged = np.where(agreed, maps[0], np.nan), *maps
         wrong = [evaluate(disparity, truth).bad_measured[1.0] for disparity in judged]
     prose.markdown(agreement_in_words(count, agreed, wrong, strong=True))
     words = ("no disparity", "one method alone, or all differ", *(f"{n} of {count} agree" for n in range(2, count + 1)))
@@ -198,11 +201,15 @@ def _accuracy(view: DepthView, name: str, truth: FloatMap) -> Accuracy:
     """Return the accuracy of a map; from memory if it was computed before."""
     result = view.results[name]
 
-    def judge(_: object) -> Accuracy:
-        curve = error_against_coverage(result.disparity, truth, result.score, threshold=MAX_ERROR_PX)
-        return Accuracy(evaluations(view.pair, {name: result}), curve)
-
-    return computed("judgement", judge, **view.kept(name), label="Comparing the map with the ground truth …")
+    return computed(
+        "judgement",
+        lambda _: Accuracy(
+            evaluations(view.pair, {name: result}),
+            error_against_coverage(result.disparity, truth, result.score, threshold=MAX_ERROR_PX),
+        ),
+        **view.kept(name),
+        label="Comparing the map with the ground truth …",
+    )
 
 
 def _show_figures(view: DepthView, figures: Mapping[str, Evaluation]) -> None:
@@ -230,8 +237,9 @@ def _show_figures(view: DepthView, figures: Mapping[str, Evaluation]) -> None:
         if judged:
             first = next(iter(judged.values()))
             prose.markdown(f"**{pixels}** · {first.truth_pixels:,} with ground truth")
-            cells = {name: _cells(evaluation, missing == LEFT_OUT) for name, evaluation in judged.items()}
-            table = pd.DataFrame.from_dict(cells, orient="index").style
+            table = pd.DataFrame.from_dict(
+                {name: _cells(evaluation, missing == LEFT_OUT) for name, evaluation in judged.items()}, orient="index"
+            ).style
             if len(judged) > 1:
                 table.highlight_max(subset=["Density"], props=BEST_CELL_STYLE).highlight_min(
                     subset=table.columns[1:], props=BEST_CELL_STYLE
@@ -253,8 +261,11 @@ def _show_figures(view: DepthView, figures: Mapping[str, Evaluation]) -> None:
 
 def _cells(evaluation: Evaluation, measured_only: bool) -> dict[str, float]:
     bad = evaluation.bad_measured if measured_only else evaluation.bad
-    figures = {"Density": 100 * evaluation.density, "EPE": evaluation.epe}
-    figures |= {f"Bad-{threshold:g}": share for threshold, share in bad.items()}
+    figures = {
+        "Density": 100 * evaluation.density,
+        "EPE": evaluation.epe,
+        **{f"Bad-{threshold:g}": share for threshold, share in bad.items()},
+    }
     return figures if measured_only else figures | {"D1-all": evaluation.d1_all}
 
 
@@ -295,11 +306,9 @@ def _show_estimates(view: DepthView) -> None:
         prose.caption("Semi-global is not in the table: the accurate preset is Semi-global, and would judge itself.")
     if not bad:
         return
-    rows = {
-        name: {"Estimated bad-2": share, "Coverage": 100 * view.results[name].coverage} for name, share in bad.items()
-    }
+    figures = {"Estimated bad-2": bad, "Coverage": {name: 100 * view.results[name].coverage for name in bad}}
     st.dataframe(
-        pd.DataFrame.from_dict(rows, orient="index").sort_values("Estimated bad-2"),
+        pd.DataFrame(figures).sort_values("Estimated bad-2"),
         column_config={
             "_index": st.column_config.TextColumn("Method"),
             "Estimated bad-2": st.column_config.NumberColumn(
@@ -366,12 +375,19 @@ def show_all_pairs(view: DepthView) -> None:
     shape, dtype, count = view.pair.left.shape, view.pair.left.dtype, len(pairs)
     matchers = [result.settings for result in view.results.values()]
     settings = " ".join([str(preparation), *(f"{type(one).__name__} {one.model_dump_json()}" for one in matchers)])
-    costs = [matcher.estimate(shape, dtype) for matcher in matchers]
-    costs.append(estimate_reference(widest_range(matchers), shape, dtype))
+    costs = [
+        *(matcher.estimate(shape, dtype) for matcher in matchers),
+        estimate_reference(widest_range(matchers), shape, dtype),
+    ]
     seconds, request = count * sum(cost.seconds for cost in costs), f"{pairs.digest} {settings}"
-    meaning = f"{' and '.join(view.results)} with the settings in use: about {duration(seconds)}."
-    label, icon = f"Compute all {count} pairs", ":material/stacks:"
-    if not asked_for(request, label, ALL_PAIRS, type="primary", icon=icon, help=meaning):
+    if not asked_for(
+        request,
+        f"Compute all {count} pairs",
+        ALL_PAIRS,
+        type="primary",
+        icon=":material/stacks:",
+        help=f"{' and '.join(view.results)} with the settings in use: about {duration(seconds)}.",
+    ):
         return
     table = computed_in_turn(
         "all pairs",
@@ -393,8 +409,9 @@ def table_of(pairs: PairSet, matchers: Sequence[StereoMatcher], preparation: Pre
     for number in range(len(pairs)):
         try:
             pair = prepare(pairs.pair(number), preparation)
-            row = _figures(pair, matchers, part(progress, number, len(pairs)))
-            figures[f"{number + 1}: {pairs.name(number)}"] = row
+            figures[f"{number + 1}: {pairs.name(number)}"] = _figures(
+                pair, matchers, part(progress, number, len(pairs))
+            )
         except ValueError as error:
             problems.append(str(error))
         progress((number + 1) / len(pairs))

@@ -52,8 +52,6 @@ MIN_SHOWN_PERCENT = 20
 """Smallest share of the points that can be shown, nearest first, %."""
 MAX_INITIAL_PERCENT = 95
 """Largest share shown initially, %."""
-BIRDS_EYE_CELLS = 280
-"""Number of cells across the view from above."""
 
 
 # The values at points
@@ -86,8 +84,11 @@ def show_readout(view: DepthView) -> None:
     )
     if points:
         prose.markdown(markdown_table(_table(view, points)))
-        errors = {name: disparity_error(view, name) for name in view.results}
-        prose.caption(uncertainty_in_words(errors, measured=view.pair.truth is not None))
+        prose.caption(
+            uncertainty_in_words(
+                {name: disparity_error(view, name) for name in view.results}, measured=view.pair.truth is not None
+            )
+        )
     with st.container(border=True):
         prose.markdown("**Click something whose distance you know**")
         if points:
@@ -95,8 +96,12 @@ def show_readout(view: DepthView) -> None:
         else:
             prose.caption("First click the point in one of the images above.")
         if known:
-            forget, key = st.session_state.pop, known_key(view.pair.digest)
-            st.button("Forget this distance", key=f"{READOUT}.forget", on_click=forget, args=(key, None))
+            st.button(
+                "Forget this distance",
+                key=f"{READOUT}.forget",
+                on_click=st.session_state.pop,
+                args=(known_key(view.pair.digest), None),
+            )
 
 
 def _table(view: DepthView, points: list[Pixel]) -> list[list[str]]:
@@ -126,8 +131,11 @@ def _ask_distance(view: DepthView, point: Pixel, letter: str) -> None:
     """Ask for the distance of the last clicked point, and calibrate with it."""
     pair = view.pair
     doffs = pair.calibration.doffs_px if pair.calibration else 0.0
-    disparities = {name: float(result.disparity[point]) for name, result in view.results.items()}
-    finite = {name: disparity for name, disparity in disparities.items() if disparity + doffs > 0}
+    finite = {
+        name: disparity
+        for name, result in view.results.items()
+        if (disparity := float(result.disparity[point])) + doffs > 0
+    }
     if not finite:
         prose.caption(f"No method gives {letter} a finite distance; choose a point where one does.")
         return
@@ -152,8 +160,9 @@ def _ask_distance(view: DepthView, point: Pixel, letter: str) -> None:
 
 
 def _use_distance(pair: Pair, point: Pixel, disparity: float, metres: float) -> None:
-    calibration = calibration_from_distance(pair.calibration, disparity, metres, width=int(pair.left.shape[1]))
-    st.session_state[known_key(pair.digest)] = KnownDistance(*point, metres, calibration)
+    st.session_state[known_key(pair.digest)] = KnownDistance(
+        *point, metres, calibration_from_distance(pair.calibration, disparity, metres, width=int(pair.left.shape[1]))
+    )
 
 
 # In 3-D
@@ -260,7 +269,7 @@ def _map_points(view: DepthView, name: str, calibration: Calibration, farthest: 
         near = np.where(calibration.depth(disparity) <= farthest, disparity, np.float32(np.nan))
         points, colours = clean_point_cloud(calibration, near, as_rgb(view.pair.left), max_points=None)
         flying = int(np.count_nonzero(np.isfinite(near))) - len(points)
-        above = birds_eye_view(points, colours, cells=BIRDS_EYE_CELLS) if len(points) else None
+        above = birds_eye_view(points, colours, cells=280) if len(points) else None
         return MapPoints(*subsampled(points, colours, MAX_POINTS), len(points), flying, farthest, above)
 
     return computed(

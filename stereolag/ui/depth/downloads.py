@@ -88,8 +88,10 @@ def show_downloads(view: DepthView) -> None:
                 more="Upload it as the left image to return to the page as it is now.",
             )
             show_file_buttons(first, memory, key=KEY)
-            more = st.popover("More files", icon=":material/more_horiz:", key=f"{KEY}.more")
-            with more.container(horizontal=True, gap="small"):  # which wraps them
+            with (
+                st.popover("More files", icon=":material/more_horiz:", key=f"{KEY}.more"),
+                st.container(horizontal=True, gap="small"),  # which wraps them
+            ):
                 download_button(
                     "Session ZIP",
                     partial(run_queued, partial(archive, download, pair_files), memory),
@@ -201,8 +203,10 @@ class Download:
         self.computed = None if self.reduced else self.shown
         estimate = self.settings and self.settings.estimate(pair.left.shape, pair.left.dtype)
         self.light = bool(estimate and not is_heavy(estimate) and estimate.memory <= limits().job_memory)
-        origin = {"description": pair.description, "history": [change.sentence for change in pair.changes]}
-        self.session = saved_state(view, self.factor) | origin
+        self.session = saved_state(view, self.factor) | {
+            "description": pair.description,
+            "history": [change.sentence for change in pair.changes],
+        }
         self.estimated_bad = estimates_in_memory(view) if view.pair.truth is None else {}
 
     @property
@@ -417,13 +421,15 @@ def pair_files(download: Download) -> list[File]:
             partial(calibration_json, download.calibration),
             "Of the left image as it is matched: focal length and principal point in px, baseline in m.",
         )
-    session = File(
-        "",
-        SESSION,
-        partial(session_json, files={role: file.name for role, file in listed.items()}, **download.session),
-        "The page’s settings: upload this ZIP, unchanged, as the left image to continue from here.",
-    )
-    return [*listed.values(), session]
+    return [
+        *listed.values(),
+        File(
+            "",
+            SESSION,
+            partial(session_json, files={role: file.name for role, file in listed.items()}, **download.session),
+            "The page’s settings: upload this ZIP, unchanged, as the left image to continue from here.",
+        ),
+    ]
 
 
 def raw_files(download: Download) -> list[File]:

@@ -97,8 +97,11 @@ def show_inspection(view: DepthView) -> None:
     pixel = min(row, height - 1), min(col, width - 1)
     match = explain_match(matcher, pair.left, pair.right, *pixel)
     truth = math.nan if pair.truth is None else float(pair.truth[pixel])
-    true_lag = None if math.isnan(truth) else (0, -round(truth))
-    places = {"Runner-up": match.runner_up, "True place": true_lag, "Found": match.peak}
+    places = {
+        "Runner-up": match.runner_up,
+        "True place": None if math.isnan(truth) else (0, -round(truth)),
+        "Found": match.peak,
+    }
     lags = {name: lag for name, lag in places.items() if lag is not None}
     # Above the pictures, so that a phone or a low screen shows them together with the view that follows the pointer.
     if can_follow_pointer(pair, matcher):
@@ -184,8 +187,10 @@ def show_hovered_match(pair: Pair, matcher: CorrelationMatcher, pixel: tuple[int
         Key of the linked pictures, the left image first, then the right one.
     """
     with st.container(gap=None):
-        grey = packed_grey_pair(pair.left, pair.right, pair.truth, name=pictures, digest=pair.digest)
-        deliver(grey, key=f"{pictures}.pair")
+        deliver(
+            packed_grey_pair(pair.left, pair.right, pair.truth, name=pictures, digest=pair.digest),
+            key=f"{pictures}.pair",
+        )
         component("hovered_match")(
             key=f"{pictures}.hovered",
             data={
@@ -209,13 +214,12 @@ def show_hovered_match(pair: Pair, matcher: CorrelationMatcher, pixel: tuple[int
 def browser_settings(matcher: CorrelationMatcher, left: Image, right: Image) -> dict[str, object]:
     """Return the settings of a matcher and the constants of its explanation that ``scoring.js`` needs."""
     size = matcher.window_size
-    tried = matcher.query(as_grey(left), as_grey(right)).lags
     return {
         "window_size": size,
         "step": matcher.step,
         "score": matcher.score,
         "circular": matcher.search.circular(size),
-        "tried": asdict(tried),
+        "tried": asdict(matcher.query(as_grey(left), as_grey(right)).lags),
         "asked": asdict(matcher.search.lags(size)),
         "ambiguous_margin": AMBIGUOUS_MARGIN,
         "rival_share": RIVAL_SHARE,
@@ -231,9 +235,11 @@ def _matcher_to_explain(view: DepthView) -> CorrelationMatcher | None:
     semi_global = next((matcher for matcher in shown if isinstance(matcher, SemiGlobalMatcher)), None)
     if correlation is not None or semi_global is None:
         return correlation
-    search = SearchArea.rectified(semi_global.num_disparities, semi_global.min_disparity)
-    size = semi_global.window_size
-    return CorrelationMatcher(window_size=size, overlap=1 - 1 / size, search=search)
+    return CorrelationMatcher(
+        window_size=semi_global.window_size,
+        overlap=1 - 1 / semi_global.window_size,
+        search=SearchArea.rectified(semi_global.num_disparities, semi_global.min_disparity),
+    )
 
 
 def _offer_examples(pair: Pair, matcher: CorrelationMatcher, pixel_key: str) -> None:
@@ -288,12 +294,15 @@ def _show_patches(pair: Pair, match: MatchExplanation, lags: Mapping[str, Lag]) 
     """Show the window and the places it is compared with, enlarged."""
     prose.markdown("### The windows compared")
     scores = {"Found": match.peak_score, "Runner-up": match.runner_up_score}
-    scores |= {"True place": match.score_at(lags["True place"])} if "True place" in lags else {}
-    places = [("Left image", "", pair.left, match.window)]
-    places += [
-        (name, f": **{score:.3f}**", pair.right, match.window_at(lags[name]))
-        for name, score in scores.items()
-        if not math.isnan(score)
+    if "True place" in lags:
+        scores["True place"] = match.score_at(lags["True place"])
+    places = [
+        ("Left image", "", pair.left, match.window),
+        *(
+            (name, f": **{score:.3f}**", pair.right, match.window_at(lags[name]))
+            for name, score in scores.items()
+            if not math.isnan(score)
+        ),
     ]
     with st.container(horizontal=True, gap="small"):
         for name, score, image, box in places:
@@ -360,8 +369,11 @@ def _show_row(view: DepthView, match: MatchExplanation, pixel: Pixel) -> None:
                 else "A bell curve through the best score and its two neighbours: its peak is the disparity."
             )
     prose.markdown("### The disparity by each method")
-    lines = [[f"**{name}**", disparity_in_words(view, name, pixel)] for name in maps]
-    prose.markdown(markdown_table([["method", "disparity"], *lines]))
+    prose.markdown(
+        markdown_table(
+            [["method", "disparity"], *([f"**{name}**", disparity_in_words(view, name, pixel)] for name in maps)]
+        )
+    )
 
 
 def show_overlap(view: DepthView, matcher: CorrelationMatcher, match: MatchExplanation) -> None:
@@ -382,13 +394,12 @@ def show_blanks(view: DepthView) -> None:
     """Show where each method has no measurement and why, and the share of the image lost to each reason."""
     reasons = {name: reasons_of(view, name) for name in view.results}
     present = [cause for cause in REASON_COLOURS if any((causes == cause).any() for causes in reasons.values())]
-    words = tuple(REASON_WORDS[cause] for cause in Reason)
     linked_pictures(
         [
             Picture(
                 name,
                 reasons_picture(causes, view.pair.left),
-                (Reading(causes, words=words),),
+                (Reading(causes, words=tuple(REASON_WORDS[cause] for cause in Reason)),),
                 alternative=partial(blanks_in_words, causes),
             )
             for name, causes in reasons.items()

@@ -123,13 +123,13 @@ def choose_pair() -> Pair | LiveCamera:
         choices = st.container(horizontal=True, vertical_alignment="bottom", gap="medium")
         with choices:
             chosen = choose(examples, key=PAIR, live=LIVE_TITLE)
+        if chosen in (LIVE, OWN):  # own files: until an example is shown in their place
+            place.markdown(f"**{LIVE_TITLE if chosen == LIVE else 'Your own pair'}**", width="content")
         if chosen == LIVE:
-            place.markdown(f"**{LIVE_TITLE}**", width="content")
-            more = line.expander("Calibration", icon=":material/add:", width=FOLD_WIDTH)
             with notes:
-                return LiveCamera(ask_calibration(PAIR, more))
-        if chosen == OWN:  # until an example is shown in its place
-            place.markdown("**Your own pair**", width="content")
+                return LiveCamera(
+                    ask_calibration(PAIR, line.expander("Calibration", icon=":material/add:", width=FOLD_WIDTH))
+                )
         pair = own_or_example(
             chosen,
             partial(ask_own_pair, line, notes),
@@ -302,16 +302,18 @@ def ask_own_pair(line: Container, notes: Container) -> Pair | None:
         calibration = ask_calibration(PAIR, more)
     if pictures is None:
         return put_together(None, f"{PAIR}.own.{arrangement}")
-    make = partial(
-        assemble_pair,
-        pictures.left,
-        pictures.right,
-        None if truth is None else truth.content,
-        calibration,
-        id=PairId(pictures.digest, truth.digest if truth else ""),
-        notes=pictures.notes,
+    return put_together(
+        partial(
+            assemble_pair,
+            pictures.left,
+            pictures.right,
+            None if truth is None else truth.content,
+            calibration,
+            id=PairId(pictures.digest, truth.digest if truth else ""),
+            notes=pictures.notes,
+        ),
+        f"{PAIR}.own.{arrangement}",
     )
-    return put_together(make, f"{PAIR}.own.{arrangement}")
 
 
 def _ask_two_pictures() -> Pictures | Upload[Bundle] | None:
@@ -353,8 +355,8 @@ def _both_views_in(image: Image, digest: str) -> Pictures | None:
         left, right, note = likely_views(image)
         return Pictures(left, right, digest, (note,))
 
-    split_or_refuse = partial(attempted(split), silent)  # refused: a single view, or an anaglyph
-    views = remembered("both views", split_or_refuse, inputs=digest, settings="", shared=False)
+    # Refused: a single view, or an anaglyph.
+    views = remembered("both views", partial(attempted(split), silent), inputs=digest, settings="", shared=False)
     return None if isinstance(views, Refusal) else views
 
 

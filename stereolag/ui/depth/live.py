@@ -98,8 +98,10 @@ def ask_arrangement(key: str, arrangements: Sequence[str]) -> tuple[str, bool]:
 
 def ask_layout(key: str) -> Layout | None:
     """Ask for the layout of both views in one picture; None: detected from the picture."""
-    layouts: dict[Layout | None, str] = {None: "Detect from the picture"}
-    layouts |= {layout: layout.value.capitalize().replace("-", " ") for layout in Layout}
+    layouts: dict[Layout | None, str] = {
+        None: "Detect from the picture",
+        **{layout: layout.value.capitalize().replace("-", " ") for layout in Layout},
+    }
     chosen: Layout | None = st.selectbox(
         "Both views", [*layouts], format_func=layouts.__getitem__, **persistent(f"{key}.layout"), width=260
     )
@@ -108,14 +110,17 @@ def ask_layout(key: str) -> Layout | None:
 
 def stereo_camera(stream: Stream, camera: Camera, *, key: str, record: bool = False, **callbacks: Any) -> None:
     """Draw the component of a stereo camera, which sends its frames to a stream: all frames, or only recorded ones."""
-    data = {
-        **connected(stream, LIVE_CAMERA_WORDS),
-        "arrangement": camera.arrangement,
-        "width": camera.width,
-        "crossed": camera.crossed,
-        "record": record,
-    }
-    component("stereo_camera")(key=key, data=data, **callbacks)
+    component("stereo_camera")(
+        key=key,
+        data={
+            **connected(stream, LIVE_CAMERA_WORDS),
+            "arrangement": camera.arrangement,
+            "width": camera.width,
+            "crossed": camera.crossed,
+            "record": record,
+        },
+        **callbacks,
+    )
 
 
 @dataclass(frozen=True)
@@ -131,7 +136,6 @@ def show_live(live: LiveCamera) -> None:
     if st.session_state.get(HANDED) is not None:  # a frozen frame, which is the pair from now on
         st.rerun()
     close_stream("sliders")  # of the pair shown before the camera
-    calibration = live.calibration
     stream = open_stream("depth", Frame)
     pair: Pair = stream.kept.get("pair") or _placeholder()
     states = {method: control_state(method, pair) for method in METHODS}
@@ -145,13 +149,13 @@ def show_live(live: LiveCamera) -> None:
         with st.container(horizontal=True, vertical_alignment="center"):
             choose_maps()
             colours = st.container(width="content")
-        stream.answer = partial(answer, stream.kept, matchers, camera, calibration)
+        stream.answer = partial(answer, stream.kept, matchers, camera, live.calibration)
         stereo_camera(
             stream,
             camera,
             key=CAMERA,
             on_shape_change=lambda: None,
-            on_frozen_change=lambda: _freeze(stream, calibration),
+            on_frozen_change=lambda: _freeze(stream, live.calibration),
         )
         results = {result.settings.title: result for result in stream.kept.get("results", ())}
         if not results:
@@ -232,8 +236,10 @@ def answer(
 
 def _packed_map(result: DisparityMap) -> bytes:
     title = result.settings.title
-    picture = Picture(title, None, (Reading(result.disparity, unit="px", digits=1),))
-    return packed(picture, {"kind": "preview", "name": KEY, "title": title, "live": True}).data
+    return packed(
+        Picture(title, None, (Reading(result.disparity, unit="px", digits=1),)),
+        {"kind": "preview", "name": KEY, "title": title, "live": True},
+    ).data
 
 
 def _freeze(stream: Stream, calibration: Calibration | None) -> None:
@@ -243,8 +249,12 @@ def _freeze(stream: Stream, calibration: Calibration | None) -> None:
         return
     if calibration is not None and calibration.rig is None:
         calibration = calibration_for(calibration, left.shape[1], left.shape[0])
-    description = f"a frame of the camera, frozen at {time.strftime('%H:%M:%S')}"
-    transfer(StereoFrame(left, right), f"frozen {time.time_ns()}", description, calibration)
+    transfer(
+        StereoFrame(left, right),
+        f"frozen {time.time_ns()}",
+        f"a frame of the camera, frozen at {time.strftime('%H:%M:%S')}",
+        calibration,
+    )
 
 
 def transfer(
@@ -255,7 +265,7 @@ def transfer(
     search: tuple[int, int | None] = (0, None),
 ) -> None:
     """Hand a frame over to the depth page as its pair; the page must not have asked for a pair yet in this run."""
-    pair = Pair(
+    st.session_state[HANDED] = Pair(
         *as_stereo_pair(frame.left, frame.right),
         PairId(digest),
         truth=frame.truth,
@@ -264,7 +274,7 @@ def transfer(
         num_disparities=search[1],
         description=description,
     )
-    st.session_state.update({HANDED: pair, PAIR: OWN})
+    st.session_state[PAIR] = OWN
 
 
 # A slider that is moved
@@ -283,8 +293,10 @@ class MovedSlider(Message):
 
 def follow_sliders(pair: Pair) -> None:
     """Show the map as soon as a slider is moved; the run of the page then brings the same map and everything else."""
-    stream = open_stream("sliders", MovedSlider, in_this_session(partial(moved_map, pair)), brief=True)
-    component("sliders")(key="depth.sliders", data=address_of(stream))
+    component("sliders")(
+        key="depth.sliders",
+        data=address_of(open_stream("sliders", MovedSlider, in_this_session(partial(moved_map, pair)), brief=True)),
+    )
 
 
 def moved_map(pair: Pair, moved: MovedSlider) -> bytes:

@@ -26,8 +26,7 @@ from stereolag.stereo.methods import METHODS, PRESETS, PresetName
 from stereolag.ui.controls import persistent
 from stereolag.ui.depth.sentences import map_in_words, photograph_in_words
 from stereolag.ui.depth.view import INVERTED, LEFT, RIGHT, TRUTH, DepthView, Pixel, settings_key
-from stereolag.ui.elements import Number as Figure
-from stereolag.ui.elements import announce, in_columns, refusals_shown, show_picture, show_refused
+from stereolag.ui.elements import Number, announce, in_columns, refusals_shown, show_picture, show_refused
 from stereolag.ui.linked_pictures import (
     DepthScale,
     PackedPicture,
@@ -59,8 +58,12 @@ COLUMNS = 2
 
 DEFAULT_SHOWN = [method.short_name for method in METHODS[:COLUMNS]]
 
-WITH_A_DISPARITY = {Reason.MEASURED: "", Reason.FILLED: REASON_WORDS[Reason.FILLED]}
-REASON_READINGS = tuple(WITH_A_DISPARITY.get(reason, f"no disparity: {REASON_WORDS[reason]}") for reason in Reason)
+REASON_READINGS = tuple(
+    {Reason.MEASURED: "", Reason.FILLED: REASON_WORDS[Reason.FILLED]}.get(
+        reason, f"no disparity: {REASON_WORDS[reason]}"
+    )
+    for reason in Reason
+)
 """The text below a map for the pixel under the pointer, by :class:`Reason`."""
 
 
@@ -204,34 +207,35 @@ def show_maps(view: DepthView, sent: Mapping[str, PackedPicture]) -> None:
     announce(" ".join(f"{name}: {text}." for name, text in texts.items()))
 
 
-def _figures(view: DepthView, name: str) -> tuple[Figure, ...]:
+def _figures(view: DepthView, name: str) -> tuple[Number, ...]:
     """Return the figures of a map; the first is the time it took."""
     result, truth = view.results[name], view.pair.truth
-    took = Figure("Computed in", duration(result.elapsed_s), "Time of the computation alone, when first run.")
-    outdated = Figure("Of", "the previous settings", "The map of the current settings is not computed yet.")
+    took = Number("Computed in", duration(result.elapsed_s), "Time of the computation alone, when first run.")
+    outdated = Number("Of", "the previous settings", "The map of the current settings is not computed yet.")
     figures = took, *coverage_figures(result), *([outdated] if name in view.outdated else [])
     if truth is None:
         return figures
-    evaluation: Evaluation = remembered("evaluation", lambda: evaluate(result.disparity, truth), **view.kept(name))
-    return *figures, *error_figures(evaluation)
+    return *figures, *error_figures(
+        remembered("evaluation", lambda: evaluate(result.disparity, truth), **view.kept(name))
+    )
 
 
-def coverage_figures(result: DisparityMap) -> tuple[Figure, ...]:
+def coverage_figures(result: DisparityMap) -> tuple[Number, ...]:
     """Return the shares of a map that were measured and, if any, filled in."""
-    coverage = Figure("Coverage", percent(result.coverage), "Share of the pixels whose disparity was measured.")
+    coverage = Number("Coverage", percent(result.coverage), "Share of the pixels whose disparity was measured.")
     filled = np.count_nonzero(result.filled)
     if not filled:
         return (coverage,)
-    return coverage, Figure(
+    return coverage, Number(
         "Filled", percent(int(filled) / result.reason.size), "Share whose disparity is that of the surroundings."
     )
 
 
-def error_figures(evaluation: Evaluation) -> tuple[Figure, Figure]:
+def error_figures(evaluation: Evaluation) -> tuple[Number, Number]:
     """Return the errors of a map against the ground truth."""
     return (
-        Figure("Bad-2", f"{evaluation.bad[2.0]:.1f} %", "Pixels off by more than 2 px or without a disparity."),
-        Figure("EPE", f"{evaluation.epe:.2f} px", "Mean error of the pixels that have a disparity."),
+        Number("Bad-2", f"{evaluation.bad[2.0]:.1f} %", "Pixels off by more than 2 px or without a disparity."),
+        Number("EPE", f"{evaluation.epe:.2f} px", "Mean error of the pixels that have a disparity."),
     )
 
 
@@ -251,7 +255,7 @@ def _thumbnails(pair: Pair) -> tuple[Picture, Picture]:
 
 
 def map_picture(
-    view: DepthView, name: str, figures: tuple[Figure, ...] = (), *, reason: ReasonMap | None = None
+    view: DepthView, name: str, figures: tuple[Number, ...] = (), *, reason: ReasonMap | None = None
 ) -> Picture:
     """Return the map of a method with readings of disparity, depth and score, and the reason for a blank pixel.
 
@@ -303,8 +307,9 @@ def disparity_error(view: DepthView, name: str) -> float:
     truth = view.pair.truth
     if name == TRUTH or truth is None:
         return 0.0 if name == TRUTH else TYPICAL_DISPARITY_ERROR_PX
-    disparity = view.results[name].disparity
-    error: float = remembered("typical error", lambda: typical_error(disparity, truth), **view.kept(name))
+    error: float = remembered(
+        "typical error", lambda: typical_error(view.results[name].disparity, truth), **view.kept(name)
+    )
     return TYPICAL_DISPARITY_ERROR_PX if math.isnan(error) else error
 
 
@@ -313,8 +318,7 @@ def _depth_scale(view: DepthView, name: str) -> DepthScale | None:
     calibration = view.calibration
     if calibration is None:
         return None
-    factor = calibration.focal_px * calibration.baseline_m
-    return DepthScale(factor, calibration.doffs_px, disparity_error(view, name))
+    return DepthScale(calibration.focal_px * calibration.baseline_m, calibration.doffs_px, disparity_error(view, name))
 
 
 def choose_map(view: DepthView, label: str, key: str) -> str:

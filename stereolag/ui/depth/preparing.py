@@ -115,9 +115,11 @@ def _kept_calibration() -> Calibration | None:
     kept: Calibration | None = st.session_state.get(OWN_CALIBRATION)
     if kept is not None:
         error = "" if kept.rms is None else f", {kept.rms:.2f} px"
-        sentence = f"In use: the calibration you made on the page Calibrate{error}."
         show_offer(
-            sentence, "Remove", f"{OWN_CALIBRATION}.remove", partial(st.session_state.pop, OWN_CALIBRATION, None)
+            f"In use: the calibration you made on the page Calibrate{error}.",
+            "Remove",
+            f"{OWN_CALIBRATION}.remove",
+            partial(st.session_state.pop, OWN_CALIBRATION, None),
         )
     return kept
 
@@ -206,8 +208,13 @@ def show_decision(pair: Pair, key: str, subject: str = "The pair") -> None:
         return
     reverse = ("Undo", Rows.RECTIFIED) if decision.done else ("Rectify it anyway", Rows.RAW)
     label, rows = (ROWS[Rows.DECIDE], Rows.DECIDE) if decision.chosen else reverse
-    choose = partial(st.session_state.update, {rows_key(key): rows})
-    show_offer(decision.in_words(subject), label, f"{key}.rectifying.undo", choose, ":material/straighten:")
+    show_offer(
+        decision.in_words(subject),
+        label,
+        f"{key}.rectifying.undo",
+        partial(st.session_state.update, {rows_key(key): rows}),
+        ":material/straighten:",
+    )
 
 
 # The input doctor
@@ -235,8 +242,10 @@ def show_doctor(view: DepthView, line: Container) -> None:
         return
     searched = {result.settings: reach for result in view.results.values() if (reach := result.settings.reach())}
     ranges = [finding for reach in searched.values() if (finding := judge_range(diagnosis, *reach)) is not None]
-    findings = [finding for finding in diagnosis.findings if finding.code != FindingCode.RANGE]
-    findings += sorted(ranges, key=lambda finding: finding.healthy)[:1]
+    findings = [
+        *(finding for finding in diagnosis.findings if finding.code != FindingCode.RANGE),
+        *sorted(ranges, key=lambda finding: finding.healthy)[:1],
+    ]
     problems, applied = [finding for finding in findings if not finding.healthy], pair.id.remedies
     with st.container(border=True) if problems or pair.remedies else nullcontext():
         if problems:
@@ -254,8 +263,12 @@ def show_doctor(view: DepthView, line: Container) -> None:
         for number, change in enumerate(pair.remedies):
             earlier = pair.remedies[:number].count(change)
             key = f"depth.doctor.undo.{change.code}" + (f".{earlier}" if earlier else "")
-            undo = partial(_set_remedies, pair.id.untreated, (*applied[:number], *applied[number + 1 :]))
-            show_remedy(f":blue[:material/healing:] {change.sentence}", "Undo", key, undo)
+            show_remedy(
+                f":blue[:material/healing:] {change.sentence}",
+                "Undo",
+                key,
+                partial(_set_remedies, pair.id.untreated, (*applied[:number], *applied[number + 1 :])),
+            )
         with st.expander("All checks") if problems else line.popover(HEALTHY):
             prose.markdown("\n\n".join(map(_marked, findings)))
 
@@ -352,11 +365,15 @@ def show_initial_settings(pair: Pair) -> None:
     initial: InitialSettings | None = st.session_state.get(_initial_settings_key(pair))
     if pair.shared or initial is None or not initial.found or not set(matchers_in_use()) <= set(initial.settings):
         return
-    # The settings for a pair whose range is unknown.
-    undo = partial(_set_all, [kind().with_search_range(0, DEFAULT_DISPARITIES) for kind in METHODS], pair)
     first, last = initial.min_disparity, initial.min_disparity + initial.num_disparities - 1
-    sentence = f"Searched from {first} to {last} px: the range found for this pair, with the fast preset."
-    show_offer(sentence, "Undo these settings", "depth.start.undo", undo, ":material/auto_fix_high:")
+    show_offer(
+        f"Searched from {first} to {last} px: the range found for this pair, with the fast preset.",
+        "Undo these settings",
+        "depth.start.undo",
+        # The settings for a pair whose range is unknown.
+        partial(_set_all, [kind().with_search_range(0, DEFAULT_DISPARITIES) for kind in METHODS], pair),
+        ":material/auto_fix_high:",
+    )
 
 
 def _set_all(settings: Iterable[StereoMatcher], pair: Pair) -> None:

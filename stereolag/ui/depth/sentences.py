@@ -79,14 +79,15 @@ def suggestion_in_words(suggestion: Suggestion) -> str:
     ended = "" if suggestion.finished else " The search was stopped before it had tried everything."
     method, name = suggestion.start.title, bad_2(suggestion.criterion, first=True)
     if suggestion.outcome is Outcome.BETTER:
-        change = f"{suggestion.bad_before:.1f} % → {suggestion.bad:.1f} %"
         return (
             f"The best of {suggestion.tried} settings tried for {method}. {name} on the whole images: "
-            f"**{change}**.{ended}"
+            f"**{suggestion.bad_before:.1f} % → {suggestion.bad:.1f} %**.{ended}"
         )
-    said = f"Your {method} settings are as good: none of the {suggestion.tried} tried is clearly better."
-    if suggestion.finished and not suggestion.tried:
-        said = f"{method} has no other settings to try over this range."
+    said = (
+        f"{method} has no other settings to try over this range."
+        if suggestion.finished and not suggestion.tried
+        else f"Your {method} settings are as good: none of the {suggestion.tried} tried is clearly better."
+    )
     return f"{said} {name}: **{suggestion.bad_before:.1f} %**.{ended}"
 
 
@@ -106,8 +107,10 @@ def sweep_caption(criterion: Criterion, *, judged: bool, finished: bool, pair: s
     """Return the caption of a sweep; `pair` names the pair that the maps show, if there are several."""
     maps = f"The maps show {pair}. " if pair else ""
     if judged:
-        maps = f"Left: the maps{f' of {pair}' if pair else ''}. "
-        maps += f"Right: {bad_2(criterion)}, %, lower is better. Solid frame: the best. "
+        maps = (
+            f"Left: the maps{f' of {pair}' if pair else ''}. "
+            f"Right: {bad_2(criterion)}, %, lower is better. Solid frame: the best. "
+        )
     ended = "" if finished else " The sweep was stopped before it had tried everything."
     return f"{maps}Dotted frame: the settings in use.{ended}"
 
@@ -250,8 +253,10 @@ def metres_in_words(calibration: Calibration | None, entered: str) -> str:
     product = f"focal length × baseline = **{calibration.focal_px * calibration.baseline_m:.4g} px·m**"
     if entered:
         return f"**Metric**, from {entered}: {product}."
-    factors = f"{calibration.focal_px:.6g} px × {calibration.baseline_m:.4g} m"
-    return f"**Metric**, from the pair’s calibration: {factors}, {product}."
+    return (
+        f"**Metric**, from the pair’s calibration: {calibration.focal_px:.6g} px × {calibration.baseline_m:.4g} m, "
+        f"{product}."
+    )
 
 
 def length_in_words(metres: float, error: float) -> str:
@@ -304,8 +309,10 @@ def sweep_in_words(sweep: Sweep, titles: tuple[str, str]) -> str:
     if sweep.best is None:
         return f"{tried}."
     row, col = sweep.best
-    best = f"{titles[0]} {sweep.rows[row]}, {titles[1]} {sweep.cols[col]}"
-    return f"{tried}. Best: {best}, {sweep.bad[row, col]:.1f} % off by more than 2 px or missing."
+    return (
+        f"{tried}. Best: {titles[0]} {sweep.rows[row]}, {titles[1]} {sweep.cols[col]}, "
+        f"{sweep.bad[row, col]:.1f} % off by more than 2 px or missing."
+    )
 
 
 # Why this match?

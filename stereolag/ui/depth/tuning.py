@@ -239,12 +239,12 @@ def _follow_job(
         try:
             result = current.job.result()
         except CancelledError:  # cancelled before its turn came
-            return
+            pass
         except ValueError as error:
             if request == current.request:
                 show_refused(error)
-            return
-        show(result)
+        else:
+            show(result)
 
     watch(current.job, refresh)
 
@@ -278,13 +278,23 @@ def show_sweep(view: DepthView) -> None:
         if current.job.running:
             _forget_job(SWEEP)
         current = None
-    label = f"Sweep {len(axes[0].values) * len(axes[1].values)} combinations"
-    _offer_job(SWEEP, label, ":material/grid_on:", current, partial(_begin_sweep, pairs, matcher, axes))
+    _offer_job(
+        SWEEP,
+        f"Sweep {len(axes[0].values) * len(axes[1].values)} combinations",
+        ":material/grid_on:",
+        current,
+        partial(_begin_sweep, pairs, matcher, axes),
+    )
     if current is not None:
         elsewhere = ", not the pair in use" if current.shown.files != view.pair.id.files else ""
-        show = partial(_show_sweep_result, view, matcher, axes, f"{current.place}{elsewhere}")
-        ending = "Stops the sweep; the maps made so far are kept."
-        _follow_job(SWEEP, current, request, lambda _: "Trying all combinations …", ending, show)
+        _follow_job(
+            SWEEP,
+            current,
+            request,
+            text=lambda _: "Trying all combinations …",
+            ending="Stops the sweep; the maps made so far are kept.",
+            show=partial(_show_sweep_result, view, matcher, axes, f"{current.place}{elsewhere}"),
+        )
 
 
 def _ask_axes(matcher: StereoMatcher) -> tuple[Axis, Axis] | None:
@@ -340,8 +350,7 @@ def _sweep_request(matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> tuple[str
     for axis in axes:
         *path, last = axis.parameter.name.split(".")
         del reduce(getitem, path, others)[last]
-    tried = [(axis.parameter.name, axis.values) for axis in axes]
-    return type(matcher).__name__, repr(others), repr(tried)
+    return type(matcher).__name__, repr(others), repr([(axis.parameter.name, axis.values) for axis in axes])
 
 
 def _begin_sweep(pairs: JudgedPairs, matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> None:
@@ -437,13 +446,15 @@ def show_suggest(view: DepthView) -> None:
     if _judged_by(pair, matcher) is None:
         prose.info(UNJUDGED[Unjudged.JUDGES_ITSELF], icon=":material/balance:")
     else:
-        begin = partial(_begin_search, pairs, matcher, budget_s)
-        _offer_job(SUGGEST, "Suggest settings", ":material/auto_fix_high:", current, begin)
+        _offer_job(
+            SUGGEST,
+            "Suggest settings",
+            ":material/auto_fix_high:",
+            current,
+            partial(_begin_search, pairs, matcher, budget_s),
+        )
     if current is not None:
         start = current.request
-
-        def text(suggestion: Suggestion | None) -> str:
-            return search_so_far(suggestion) if suggestion else f"Judging the {start.title} settings in use …"
 
         def show(suggestion: Suggestion) -> None:
             if matcher in (start, suggestion.matcher):
@@ -454,8 +465,15 @@ def show_suggest(view: DepthView) -> None:
             if suggestion is not None and suggestion.matcher != start:
                 show_side_by_side(view, {"Your settings": start, "The best found so far": suggestion.matcher})
 
-        ending = "Stops the search; the best settings found so far are kept."
-        _follow_job(SUGGEST, current, matcher, text, ending, show, show_so_far)
+        _follow_job(
+            SUGGEST,
+            current,
+            matcher,
+            text=lambda best: search_so_far(best) if best else f"Judging the {start.title} settings in use …",
+            ending="Stops the search; the best settings found so far are kept.",
+            show=show,
+            show_so_far=show_so_far,
+        )
 
 
 def _begin_search(pairs: JudgedPairs, matcher: StereoMatcher, budget_s: float) -> None:
@@ -472,8 +490,9 @@ def _begin_search(pairs: JudgedPairs, matcher: StereoMatcher, budget_s: float) -
         )
 
     pair = pairs.current
-    blind = known_truth(pair) is None
-    estimate = estimate_suggestion(matcher, pair.left.shape, pair.left.dtype, blind=blind, budget_s=budget_s)
+    estimate = estimate_suggestion(
+        matcher, pair.left.shape, pair.left.dtype, blind=known_truth(pair) is None, budget_s=budget_s
+    )
     begin_job(pair.id, SUGGEST, matcher, work, estimate)
 
 

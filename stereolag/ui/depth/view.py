@@ -80,8 +80,10 @@ class DepthView:
     @property
     def maps(self) -> dict[str, FloatMap]:
         """Return the disparities of every method and the ground truth if there is one, by title."""
-        truth = {} if self.pair.truth is None else {TRUTH: self.pair.truth}
-        return {name: result.disparity for name, result in self.results.items()} | truth
+        return {
+            **{name: result.disparity for name, result in self.results.items()},
+            **({} if self.pair.truth is None else {TRUTH: self.pair.truth}),
+        }
 
     @property
     def known_distance(self) -> KnownDistance | None:
@@ -211,10 +213,11 @@ def offer_fit(view: DepthView) -> None:
         name: remembered("share outside", partial(share_outside, result), **view.kept(name, f"{low} {high}"))
         for name, result in view.results.items()
     }
-    shares = {name: share for name, share in shares.items() if share > MAX_SHARE_OUTSIDE}
-    if shares:
+    listed = " and ".join(
+        f"**{percent(share)}** of {name}" for name, share in shares.items() if share > MAX_SHARE_OUTSIDE
+    )
+    if listed:
         with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-            listed = " and ".join(f"**{percent(share)}** of {name}" for name, share in shares.items())
             prose.markdown(f":orange[:material/palette:] Outside the colour range: {listed}.", width="content")
             st.button(
                 "Fit the colours",

@@ -97,12 +97,6 @@ class Drive:
             return ()
         return self.diagnosis.over(next((matcher.search_range() for matcher in matchers), None)).doubts
 
-    @property
-    def range(self) -> tuple[int, int] | None:
-        """Return the first disparity and the number of disparities that the frames need, px; None if unknown."""
-        count = self.first.num_disparities
-        return None if count is None else (self.first.min_disparity, count)
-
 
 def ask_drive(call_off: Callable[[], None]) -> Drive:
     """Ask for frames and calibration; return the example while frames are missing, stop if they are refused.
@@ -122,8 +116,14 @@ def ask_drive(call_off: Callable[[], None]) -> Drive:
         )
         show_try_first("play it, and drag along the curves below the pictures.")
     no_files_yet(KEY)
-    chosen = next(iter(drives())) if origin == EXAMPLE else OWN
-    return own_or_example(chosen, _own_drive, _example, drives(), key=KEY, awaited="your frames are")
+    return own_or_example(
+        next(iter(drives())) if origin == EXAMPLE else OWN,
+        _own_drive,
+        _example,
+        drives(),
+        key=KEY,
+        awaited="your frames are",
+    )
 
 
 def _own_drive() -> Drive | None:
@@ -187,17 +187,19 @@ def _example(name: str) -> Drive:
     example = drives()[name]
     sequence = example_sequence(example)
     left, right, truth = sequence.frame(0)
-    first = Pair(
-        left,
-        right,
-        PairId(f"example {name}"),
-        truth=truth,
-        calibration=read_calibration(example.calibration),
-        num_disparities=example.num_disparities,
-        description=example.description,
-        shared=True,
+    return Drive(
+        sequence,
+        Pair(
+            left,
+            right,
+            PairId(f"example {name}"),
+            truth=truth,
+            calibration=read_calibration(example.calibration),
+            num_disparities=example.num_disparities,
+            description=example.description,
+            shared=True,
+        ),
     )
-    return Drive(sequence, first)
 
 
 def _opened(*files: bytes, layout: Layout | None = None) -> _Frames:
@@ -285,14 +287,12 @@ class Recording:
         """Return the recorded drive; None if it has no frames."""
         if not self.frames:
             return None
-        packed = bundle(
-            {
-                f"{number:06d}_{side}.jpg": view
-                for number, message in enumerate(self.frames)
-                for side, view in zip(("left", "right"), message.parts, strict=True)
-            }
-        )
-        sequence, first = _opened(packed)
+        pictures = {
+            f"{number:06d}_{side}.jpg": view
+            for number, message in enumerate(self.frames)
+            for side, view in zip(("left", "right"), message.parts, strict=True)
+        }
+        sequence, first = _opened(bundle(pictures))
         lasted_s = (self.frames[-1].at - self.frames[0].at) / 1000
         rate = (len(self.frames) - 1) / lasted_s if lasted_s > 0 else sequence.frame_rate
         return Upload(f"recorded {time.time_ns()}", (replace(sequence, frame_rate=rate), first))
@@ -331,7 +331,9 @@ def show_findings(drive: Drive, matchers: Iterable[StereoMatcher]) -> None:
         for finding in doubts:
             show_remedy(
                 f":orange[:material/warning:] {finding_in_words(finding)}",
-                TURN_FRAMES if finding.remedy is Remedy.TURN_UPRIGHT else "",
+                "Turn all frames by 90° for matching (distances become relative)"
+                if finding.remedy is Remedy.TURN_UPRIGHT
+                else "",
                 f"{KEY}.turn",
                 partial(st.session_state.update, {turn: int(finding.numbers.get("quarters", 0))}),
             )
@@ -344,8 +346,6 @@ def show_findings(drive: Drive, matchers: Iterable[StereoMatcher]) -> None:
                 partial(st.session_state.pop, turn, None),
             )
 
-
-TURN_FRAMES = "Turn all frames by 90° for matching (distances become relative)"
 
 # The settings
 
@@ -370,19 +370,17 @@ class DriveSettings(NamedTuple):
     """The settings for the maps of a sequence; the keys of `matchers` are valid folder names."""
 
     matchers: dict[str, StereoMatcher]
-    truth_in_video: bool = False
-    motion: SequenceMotion | None = None
-    steadiness: Steadiness | None = None
+    truth_in_video: bool
+    sequence: SequenceSettings
 
 
 def ask_methods(drive: Drive) -> DriveSettings:
     """Ask for the methods and for the range that they search."""
-    own = {
+    offered = OFFERED | {
         f"own_{matcher.short_name}": (f"{matcher.title}, as on the depth page", matcher)
         for matcher in matchers_in_use()
     }
-    lowest, needed = drive.range or (0, DEFAULT_DISPARITIES)
-    offered = OFFERED | own
+    lowest, needed = drive.first.min_disparity, drive.first.num_disparities or DEFAULT_DISPARITIES
     chosen = st.pills(
         "Methods",
         [*offered],
@@ -416,7 +414,7 @@ def ask_methods(drive: Drive) -> DriveSettings:
     truth = drive.sequence.has_truth and st.toggle(TRUTH_TITLE, **persistent(f"{KEY}.truth"))
     field = SequenceSettings.model_fields["steadiness"]
     steady = st.toggle(str(field.title), help=field.description, **persistent(f"{KEY}.steadiness"))
-    return DriveSettings(matchers, truth, motion, Steadiness() if steady else None)
+    return DriveSettings(matchers, truth, SequenceSettings(motion=motion, steadiness=Steadiness() if steady else None))
 
 
 def _ask_range(digest: str, lowest: int, needed: int) -> tuple[int, int]:

@@ -10,7 +10,8 @@ import zipfile
 from concurrent.futures import CancelledError
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any, NamedTuple, cast
 
 import streamlit as st
 from cachetools import LRUCache
@@ -20,7 +21,7 @@ from stereolag.core.typography import duration
 from stereolag.figures.legends import Legend, disparity_legends, wheel_legend
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.motion.flow import FlowMatcher
-from stereolag.sequences import SequenceResult, SequenceSettings, SequenceState, SequenceVideo, run_sequence
+from stereolag.sequences import SequenceResult, SequenceState, SequenceVideo, run_sequence
 from stereolag.sequences.frames import MOTION, SequenceMemory, table_lines
 from stereolag.sequences.video import VideoPieces, whole_video
 from stereolag.ui import prose
@@ -36,10 +37,8 @@ from stereolag.ui.sentences import MOTION_IN_WORDS
 WORK = f"{KEY}.work"
 FRAMES_AT_ONCE = 4
 """Number of frames whose pictures and maps are in memory together."""
-EXAMPLES_KEPT = 2
-"""Number of results for the example that are kept in memory, some 40 MB each."""
 
-_examples: LRUCache[str, DriveWork] = LRUCache(EXAMPLES_KEPT)
+_examples: LRUCache[str, DriveWork] = LRUCache(2)  # some 40 MB each
 """Results for the example, by name of the work: computed for one visitor, shown to the next at once."""
 _examples_lock = threading.Lock()
 
@@ -81,16 +80,13 @@ class DriveWork:
 def work_on(drive: Drive, asked: DriveSettings) -> DriveWork:
     """Return the work on a sequence with these settings; start it if there is none, in place of any other."""
     matchers = [f"{name} {matcher.model_dump_json()}" for name, matcher in asked.matchers.items()]
-    others = map(
-        repr, (drive.first.calibration, asked.truth_in_video, asked.motion, asked.steadiness, drive.sequence.turn)
-    )
+    others = map(repr, (drive.first.calibration, asked.truth_in_video, asked.sequence, drive.sequence.turn))
     name = hashlib.sha256("\0".join([drive.first.digest, *others, *matchers]).encode()).hexdigest()
     current: DriveWork | None = st.session_state.get(WORK)
     if current is not None and current.name == name:
         if current.abandoned and st.session_state[ORIGIN] == EXAMPLE:
             resume(current, drive, asked)
-        resumed_or_same: DriveWork = st.session_state[WORK]
-        return resumed_or_same
+        return cast(DriveWork, st.session_state[WORK])
     if current is not None:
         current.job.cancel()
     with _examples_lock:
@@ -117,9 +113,6 @@ def resume(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
 def _started(work: DriveWork, drive: Drive, asked: DriveSettings) -> DriveWork:
     """Start the job of some work, and return the work."""
 
-    def report(state: SequenceState) -> None:
-        work.state = state
-
     def compute(job: Job[SequenceResult]) -> SequenceResult:
         try:
             result = run_sequence(
@@ -127,9 +120,9 @@ def _started(work: DriveWork, drive: Drive, asked: DriveSettings) -> DriveWork:
                 asked.matchers,
                 work.kept,
                 calibration=drive.first.calibration,
-                settings=SequenceSettings(steadiness=asked.steadiness, motion=asked.motion),
+                settings=asked.sequence,
                 video=SequenceVideo(work.video, with_truth=asked.truth_in_video),
-                progress=report,
+                progress=partial(setattr, work, "state"),
                 cancelled=lambda: job.cancelled,
             )
         finally:
@@ -148,11 +141,12 @@ def estimate(drive: Drive, asked: DriveSettings) -> Estimate:
     """Return the cost of computing the maps of all frames."""
     left = drive.first.left
     costs = [matcher.estimate(left.shape, left.dtype) for matcher in asked.matchers.values()]
-    if asked.motion is not None:
-        costs.append(FlowMatcher().estimate(left.shape, left.dtype))
+    costs += [FlowMatcher().estimate(left.shape, left.dtype)] if asked.sequence.motion else []
     frame_bytes = 2 * left.nbytes + 13 * left.shape[0] * left.shape[1]  # both images, and 13 bytes per pixel of a map
-    memory = max(cost.memory for cost in costs) + FRAMES_AT_ONCE * frame_bytes
-    return Estimate(memory, len(drive.sequence) * math.fsum(cost.seconds for cost in costs))
+    return Estimate(
+        memory=max(cost.memory for cost in costs) + FRAMES_AT_ONCE * frame_bytes,
+        seconds=len(drive.sequence) * math.fsum(cost.seconds for cost in costs),
+    )
 
 
 # The player
@@ -194,10 +188,14 @@ def show_player(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
     key = f"{KEY}.player"
     done = not work.job.running  # asked before the pieces are counted: once it is done, no more come
     pieces, computed = [*work.video.pieces], work.video.collected
-    extra_titles = [*([TRUTH_TITLE] if asked.truth_in_video else []), *([MOTION_TITLE] if asked.motion else [])]
     data = _figures(work, drive, asked) | {
         "name": work.video_name,
-        "titles": ["Left image", *map(title_of, asked.matchers), *extra_titles],
+        "titles": [
+            "Left image",
+            *map(title_of, asked.matchers),
+            *([TRUTH_TITLE] if asked.truth_in_video else []),
+            *([MOTION_TITLE] if asked.sequence.motion else []),
+        ],
         "height": drive.first.left.shape[0],
         "width": drive.first.left.shape[1],
         "rate": drive.sequence.frame_rate,
@@ -210,8 +208,9 @@ def show_player(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
     with st.container(gap=None):
         for number, piece in enumerate(pieces):
             name = f"{work.video_name} {number}"
-            item = packed_item({"kind": "video", "name": name, "digest": name}, [piece])
-            deliver(item.data, key=f"{key}.piece.{number}")
+            deliver(
+                packed_item({"kind": "video", "name": name, "digest": name}, [piece]).data, key=f"{key}.piece.{number}"
+            )
         component("player")(
             key=key, data=data, on_opened_change=lambda: st.session_state.update({OPENED: st.session_state[key].opened})
         )
@@ -220,7 +219,9 @@ def show_player(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
 def _figures(work: DriveWork, drive: Drive, asked: DriveSettings) -> dict[str, Any]:
     """Return the problem of each frame so far, "" if it has none, and the charts, None where a figure is unknown."""
     count, records = len(drive.sequence), [*work.kept.records.values()]
-    titles = {name: title_of(name) for name in asked.matchers} | ({MOTION: MOTION_TITLE} if asked.motion else {})
+    titles = {name: title_of(name) for name in asked.matchers} | (
+        {MOTION: MOTION_TITLE} if asked.sequence.motion else {}
+    )
     problems = [""] * count
     for record in records:
         if record.problem:
@@ -276,7 +277,7 @@ def _legends(work: DriveWork, drive: Drive, asked: DriveSettings) -> tuple[Legen
     if work.kept.colours is None:
         return ()
     legends = disparity_legends(*work.kept.colours, VIRIDIS, drive.first.calibration)
-    if work.kept.largest_motion is None or asked.motion is None or asked.motion.arrows:
+    if work.kept.largest_motion is None or asked.sequence.motion is None or asked.sequence.motion.arrows:
         return legends
     return *legends, wheel_legend("motion since the previous frame", work.kept.largest_motion)
 
@@ -322,7 +323,7 @@ def _open_on_depth_page(drive: Drive, number: int) -> None:
         f"{drive.first.digest} {number}",
         f"Frame {number + 1} of the drive.",
         drive.first.calibration,
-        drive.range or (0, None),
+        (drive.first.min_disparity, drive.first.num_disparities),
     )
     st.switch_page(DEPTH_PAGE)
 

@@ -19,7 +19,7 @@ from stereolag.core.settings import Bounds, Problem, SettingsError
 from stereolag.io.clocks import Recording, at_one_rate, duplicate_warning
 from stereolag.io.formats import ACCEPTED, RECORDING_SUFFIXES
 from stereolag.io.guard import guarded
-from stereolag.signals.listening import Heard, Listening
+from stereolag.signals.listening import Listening
 from stereolag.ui.addresses import Address, example_choice
 from stereolag.ui.components import component, packed_item
 from stereolag.ui.controls import adopt_values, control
@@ -99,8 +99,11 @@ def _frozen_pair(file: Upload[Recording], speed: float) -> RecordingPair | None:
     `speed` is the wave speed set by the visitor, m/s.
     """
     digest = f"{file.digest} 1 {file.digest} 2"
-    given = None if speed == LagSearch().speed else speed
-    return put_together(lambda: replace(_pair(file, 1, file, 2, digest), speed=given), f"{RECORDINGS}.live", digest)
+    return put_together(
+        lambda: replace(_pair(file, 1, file, 2, digest), speed=None if speed == LagSearch().speed else speed),
+        f"{RECORDINGS}.live",
+        digest,
+    )
 
 
 @st.cache_resource(show_spinner="Loading the example …")
@@ -169,18 +172,16 @@ def _pair(
 ) -> RecordingPair:
     """Return the two channels as a pair; ValueError if they cannot be compared."""
     one, other = at_one_rate(first.content.channel(channel_1), second.content.channel(channel_2))
-    facts = own_facts(
-        (one, other), (channel_1, channel_2), (first.content.highest_channel, second.content.highest_channel)
-    )
+    highest_channels = first.content.highest_channel, second.content.highest_channel
     return RecordingPair(
-        f"Your own recordings.  \n{facts}",
-        digest,
-        False,
-        as_signal(one.channels[0], "The recording of sensor 1"),
-        as_signal(other.channels[0], "The recording of sensor 2"),
-        one.sampling_rate or other.sampling_rate,
-        None,
-        duplicate_warning(one, other),
+        description=f"Your own recordings.  \n{own_facts((one, other), (channel_1, channel_2), highest_channels)}",
+        digest=digest,
+        shared=False,
+        signal_1=as_signal(one.channels[0], "The recording of sensor 1"),
+        signal_2=as_signal(other.channels[0], "The recording of sensor 2"),
+        sampling_rate=one.sampling_rate or other.sampling_rate,
+        speed=None,
+        doubt=duplicate_warning(one, other),
     )
 
 
@@ -253,19 +254,16 @@ def answer(kept: dict[str, Any], piece: Piece, *, speed: float, max_lag: int | N
         digest = hashlib.sha256(f"{listening.sampling_rate}".encode() + listening.samples.tobytes()).hexdigest()
         kept["frozen"] = Upload(digest, recording), speed
     heard = listening.measured(speed=speed, max_lag=max_lag)
-    shown = _panel_data(heard, piece.rate, speed, piece.devices)
-    return packed_item(shown | ({"frozen": piece.freeze} if piece.freeze else {})).data
-
-
-def _panel_data(heard: Heard, rate: float, speed: float, devices: int) -> dict[str, Any]:
-    lag = heard.lag_now
-    sure = not np.isnan(lag)
-    return {
-        "sure": bool(sure),
-        "lag": f"{round(lag):,}".replace("-", "−") if sure else "",
-        "difference": lag / rate * speed if sure else None,
-        "said": heard_now_in_words(heard, devices),
-    }
+    sure = not np.isnan(heard.lag_now)
+    return packed_item(
+        {
+            "sure": bool(sure),
+            "lag": f"{round(heard.lag_now):,}".replace("-", "−") if sure else "",
+            "difference": heard.lag_now / piece.rate * speed if sure else None,
+            "said": heard_now_in_words(heard, piece.devices),
+            **({"frozen": piece.freeze} if piece.freeze else {}),
+        }
+    ).data
 
 
 # The address

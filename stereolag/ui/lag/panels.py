@@ -66,10 +66,14 @@ def slide_by_hand(pair: RecordingPair, result: SignalLag, *, small: bool = False
         lambda: _excerpt(pair, result),
         **kept_for(pair, f"{result.lag} {result.verdict}"),
     )
-    examples = json.loads(excerpt) + ([] if small else _slides())
     component("sliding")(
         key="lag.sliding",
-        data={"examples": examples, "colours": COLOURS, "words": SLIDING_WORDS, "small": small},
+        data={
+            "examples": json.loads(excerpt) + ([] if small else _slides()),
+            "colours": COLOURS,
+            "words": SLIDING_WORDS,
+            "small": small,
+        },
     )
 
 
@@ -81,8 +85,10 @@ def _excerpt(pair: RecordingPair, result: SignalLag) -> bytes:
 
 @cache
 def _slides() -> list[dict[str, Any]]:
-    slides = by_hand.seven_numbers(), by_hand.tone(), by_hand.noise(), by_hand.loud_stretch()
-    return [described_slide(slide, **SLIDING_EXAMPLES[slide.name]) for slide in slides]
+    return [
+        described_slide(slide, **SLIDING_EXAMPLES[slide.name])
+        for slide in (by_hand.seven_numbers(), by_hand.tone(), by_hand.noise(), by_hand.loud_stretch())
+    ]
 
 
 def described_slide(slide: by_hand.Slide, **texts: Any) -> dict[str, Any]:
@@ -191,14 +197,11 @@ def _own_phasors(pair: RecordingPair, result: SignalLag) -> list[dict[str, Any]]
 
 @cache
 def _example_phasors() -> list[dict[str, Any]]:
-    excerpts = []
-    for name, example in samples.recordings().items():
-        pair = example_recordings(name)
-        excerpt = phasors.common_stretch(name, pair.signal_1, pair.signal_2, example.lag)
-        excerpts += [excerpt] if excerpt else []
+    pairs = ((name, example_recordings(name), example.lag) for name, example in samples.recordings().items())
+    excerpts = (phasors.common_stretch(name, pair.signal_1, pair.signal_2, lag) for name, pair, lag in pairs)
     return [
         described_phasors(one, **PHASOR_EXAMPLES[one.name])
-        for one in (phasors.knock(), *excerpts, phasors.tone(), phasors.noise())
+        for one in (phasors.knock(), *filter(None, excerpts), phasors.tone(), phasors.noise())
     ]
 
 
@@ -252,8 +255,12 @@ MIN_EXAMPLE_SPACING_M = 100.0
 def show_plan(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     """Show a plan of the sensors, with the source positions that give the measured lag, if that is reliable."""
     prose.markdown(PLAN_INTRODUCTION)
-    difference = result.time_s * search.speed if result.verdict == "sure" and result.lag else None
     component("plan")(
         key="lag.plan",
-        data={"difference": difference, "example": MIN_EXAMPLE_SPACING_M, "speed": search.speed, "colours": COLOURS},
+        data={
+            "difference": result.time_s * search.speed if result.verdict == "sure" and result.lag else None,
+            "example": MIN_EXAMPLE_SPACING_M,
+            "speed": search.speed,
+            "colours": COLOURS,
+        },
     )

@@ -65,11 +65,10 @@ ALIGNED = "Recording 2 on the clock of recording 1: lag, drift and steps undone,
 
 def assumed(pair: RecordingPair, search: LagSearch) -> set[str]:
     """Return the settings that neither the recordings nor the visitor gave."""
-    default = LagSearch()
     return {
         name
         for name in ("speed", "sampling_rate")
-        if getattr(pair, name) is None and getattr(search, name) == getattr(default, name)
+        if getattr(pair, name) is None and getattr(search, name) == LagSearch.model_fields[name].default
     }
 
 
@@ -226,8 +225,8 @@ def _aligned(pair: RecordingPair, result: SignalLag) -> Vector:
 
 def show_lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     """Offer the files of a lag."""
-    memory = ZIP_BYTES_PER_SAMPLE * (pair.signal_1.size + pair.signal_2.size)
-    memory += ZIP_BYTES_PER_LAG * min(MAX_CURVE_LAGS, 0 if result.lags is None else len(result.lags))
+    lags = 0 if result.lags is None else min(MAX_CURVE_LAGS, len(result.lags))
+    memory = ZIP_BYTES_PER_SAMPLE * (pair.signal_1.size + pair.signal_2.size) + ZIP_BYTES_PER_LAG * lags
     files, command = lag_files(pair, result, search), lag_command(search, *NAMES)
     take_away(files, memory, command, "measure this lag again", own=not pair.shared, key="lag.take")
 
@@ -287,11 +286,8 @@ RUNS = (10, 200, 50)
 
 def compare_methods(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     """Offer to run every method on the recordings, and to time many runs of the selected one."""
-    left, right = st.columns(2, gap="large")
-    with left:
-        _show_table(pair, search)
-    with right:
-        _show_run_times(pair, search)
+    for show in in_columns((_show_table, _show_run_times), gap="large"):
+        show(pair, search)
 
 
 def _show_table(pair: RecordingPair, search: LagSearch) -> None:
@@ -308,16 +304,12 @@ def _show_table(pair: RecordingPair, search: LagSearch) -> None:
     prose.markdown(f"Every method on these recordings, about {duration(total.seconds)}.")
     if not asked_for(True, "Compare the methods", f"lag.comparison.{pair.digest}", disabled=not feasible):
         return
-
-    def measure(progress: Progress) -> list[SignalLag]:
-        return [
-            _lag_by(pair, search, method, part(progress, number, len(feasible)))
-            for number, method in enumerate(feasible)
-        ]
-
     results = computed_or_refused(
         "lag methods",
-        measure,
+        lambda progress: [
+            _lag_by(pair, search, method, part(progress, number, len(feasible)))
+            for number, method in enumerate(feasible)
+        ],
         total,
         **kept_for(pair, search.model_dump_json(exclude={"method"})),
         label="Measuring …",
@@ -342,8 +334,9 @@ def _table_of_methods(
             rows.append((LAG_METHODS[method], "–", "–", "left out", f"about {duration(estimate.seconds)}"))
             continue
         lag = typeset(f"{result.lag:,}" if result.verdict == "sure" else f"({result.lag:,})")
-        score = typeset(f"{result.score:.3f}")
-        rows.append((LAG_METHODS[method], lag, score, result.verdict, duration(result.elapsed_s)))
+        rows.append(
+            (LAG_METHODS[method], lag, typeset(f"{result.score:.3f}"), result.verdict, duration(result.elapsed_s))
+        )
     titles = ("Method", "Lag, samples", "Score", "Verdict", "Time")
     return {title: [row[number] for row in rows] for number, title in enumerate(titles)}
 
@@ -356,14 +349,11 @@ def _show_run_times(pair: RecordingPair, search: LagSearch) -> None:
     label, too_much = f"Time {runs} runs of {name}", once.memory > limits().job_memory
     if not asked_for((search.method, runs), label, f"lag.run_times.{pair.digest}", disabled=too_much):
         return
-
-    def measure(progress: Progress) -> Vector:
-        times = (_lag_by(pair, search, search.method, part(progress, run, runs)).elapsed_s for run in range(runs))
-        return np.fromiter(times, dtype=np.float64)
-
     seconds = computed_or_refused(
         "lag run times",
-        measure,
+        lambda progress: np.array(
+            [_lag_by(pair, search, search.method, part(progress, run, runs)).elapsed_s for run in range(runs)]
+        ),
         total,
         **kept_for(pair, f"{runs} {search.model_dump_json()}"),
         label="Measuring …",
@@ -374,8 +364,9 @@ def _show_run_times(pair: RecordingPair, search: LagSearch) -> None:
 
 
 def _lag_by(pair: RecordingPair, search: LagSearch, method: SignalMethod, progress: Progress) -> SignalLag:
-    settings = search.model_dump() | {"method": method}
-    return signal_lag(pair.signal_1, pair.signal_2, **settings, seed=0, progress=progress)
+    return signal_lag(
+        pair.signal_1, pair.signal_2, **(search.model_dump() | {"method": method}), seed=0, progress=progress
+    )
 
 
 def _estimate(pair: RecordingPair, search: LagSearch, method: SignalMethod) -> Estimate:

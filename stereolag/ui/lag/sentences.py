@@ -53,8 +53,7 @@ def ribbon_in_words(result: SignalLag, curve: Literal["weighted", "plain", "phat
 
 
 def _peak(result: SignalLag) -> float:
-    assert result.lags is not None
-    assert result.correlation is not None
+    assert result.lags is not None and result.correlation is not None
     return float(result.correlation[np.searchsorted(result.lags, result.lag)])
 
 
@@ -127,8 +126,7 @@ def aligned_in_words(result: SignalLag) -> str:
     """Return a description of both recordings on one plot, and how well they match with the lag undone."""
     if result.over_time is not None and result.over_time.changes:
         return "Both recordings on one plot, the second on the clock of the first."
-    if result.judgement.opposite_lag is not None:
-        lag = result.judgement.opposite_lag
+    if (lag := result.judgement.opposite_lag) is not None:
         return f"Both recordings on one plot, the second moved back by {lag:,} samples: it mirrors the first."
     return (
         f"Both recordings on one plot, the second moved back by {result.lag:,} samples: where they overlap, "
@@ -247,14 +245,17 @@ SLIDING_EXAMPLES: Final[dict[str, dict[str, Any]]] = {
 }
 
 # Sentences on the peak of an excerpt: whether it is at the lag of the whole recordings.
-_PLAIN_PEAK = {
-    True: "The peak is at {lag:,} samples, as over the whole recordings: there ups meet ups, and every product counts.",
-    False: "In this stretch the peak is at {lag:,} samples; over the whole recordings it is at {whole:,}.",
-}
-_NORMALISED_PEAK = {
-    True: "Divided by loudness, the peak at {lag:,} samples reaches {score:.2f}; nothing else exceeds {rival:.2f}.",
-    False: "Divided by loudness, the peak is at {lag:,} samples and reaches {score:.2f}; over the whole recordings it "
-    "is at {whole:,}.",
+_EXCERPT_PEAKS = {
+    "plain": {
+        True: "The peak is at {lag:,} samples, as over the whole recordings: there ups meet ups, and every product "
+        "counts.",
+        False: "In this stretch the peak is at {lag:,} samples; over the whole recordings it is at {whole:,}.",
+    },
+    "normalised": {
+        True: "Divided by loudness, the peak at {lag:,} samples reaches {score:.2f}; nothing else exceeds {rival:.2f}.",
+        False: "Divided by loudness, the peak is at {lag:,} samples and reaches {score:.2f}; over the whole recordings "
+        "it is at {whole:,}.",
+    },
 }
 
 
@@ -262,10 +263,10 @@ def excerpt_slid_in_words(slide: Slide, result: SignalLag) -> dict[str, Any]:
     """Return the texts for an excerpt of the recordings measured."""
     scores, sums = slide.scores, np.correlate(slide.recording, slide.cut, mode="valid")
     lessons = {}
-    for name, heights, texts in (("plain", sums, _PLAIN_PEAK), ("normalised", scores, _NORMALISED_PEAK)):
+    for name, heights in (("plain", sums), ("normalised", scores)):
         lag = slide.lag + slide.step * int(np.argmax(heights))
-        numbers = {"lag": lag, "whole": result.lag, "score": scores.max(), "rival": slide.rival}
-        lessons[name] = typeset(texts[abs(lag - result.lag) <= slide.step].format(**numbers))
+        lesson = _EXCERPT_PEAKS[name][abs(lag - result.lag) <= slide.step]
+        lessons[name] = typeset(lesson.format(lag=lag, whole=result.lag, score=scores.max(), rival=slide.rival))
     means = "" if slide.step == 1 else f", each the mean of {slide.step} samples"
     return {
         "title": "These recordings",
@@ -329,8 +330,6 @@ DISTURBANCE_WORDS: Final[dict[str, str]] = {
     "convinces": "needed",
 }
 
-_DISTURBED_NUMBERS = "{where} {lag:,}, true lag {true:,} · evidence {evidence:,.1f} ({needed:,.1f} needed)"
-
 DISTURBED_VERDICTS: Final = {
     "clear": "Sure: recording 2 lags by {lag:,} samples.",
     "drift": "Sure, with drift: the lag goes from {start:,.1f} to {end:,.1f} samples.",
@@ -384,8 +383,11 @@ def disturbed_in_words(settings: Disturbances, result: SignalLag) -> dict[str, s
         "evidence": judgement.evidence,
         "needed": judgement.needed,
     }
-    lesson = " ".join((DISTURBED_LESSONS[reason], *_disturbed_notes(settings, result)))
-    texts = {"verdict": DISTURBED_VERDICTS[reason], "numbers": _DISTURBED_NUMBERS, "said": lesson}
+    texts = {
+        "verdict": DISTURBED_VERDICTS[reason],
+        "numbers": "{where} {lag:,}, true lag {true:,} · evidence {evidence:,.1f} ({needed:,.1f} needed)",
+        "said": " ".join((DISTURBED_LESSONS[reason], *_disturbed_notes(settings, result))),
+    }
     return {"kind": "fooled" if wrong else result.verdict} | {
         place: typeset(text.format(**numbers)) for place, text in texts.items()
     }

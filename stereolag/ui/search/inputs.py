@@ -193,9 +193,14 @@ def _together(picture: Upload[Image], template: Upload[Image], mask: Upload[Imag
         as_image(one.content, name, gaps=True) for one, name in ((picture, "image"), (template, "template"))
     )
     check_fits(image, small)
-    digest = " ".join(one.digest for one in (picture, template, mask) if one)
-    marked = None if mask is None else _fitting_mask(mask.content, small)
-    return PictureAndTemplate("Your own images.", digest, False, image, small, marked)
+    return PictureAndTemplate(
+        description="Your own images.",
+        digest=" ".join(one.digest for one in (picture, template, mask) if one),
+        shared=False,
+        picture=image,
+        template=small,
+        mask=None if mask is None else _fitting_mask(mask.content, small),
+    )
 
 
 def _fitting_mask(mask: Image, template: Image) -> Image:
@@ -326,8 +331,9 @@ def box_in(image: Image, *, digest: str, shared: bool, key: str) -> Box:
         Key of the component.
     """
     box: Box = _kept(key, digest) or box_in_the_middle(image.shape)
-    make = partial(jpeg, fitted(image, MAX_SENT_WIDTH))
-    data = remembered("hand picture", make, inputs=digest, settings="", shared=shared)
+    data = remembered(
+        "hand picture", lambda: jpeg(fitted(image, MAX_SENT_WIDTH)), inputs=digest, settings="", shared=shared
+    )
     with st.container(gap=None):
         _send_picture(digest, data, key=f"{key}.picture")
         component("box")(

@@ -122,8 +122,11 @@ def show_places(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
                 doubtful=not result.found,
                 template=inputs.template.shape,
             )
-            drawn = drawn_once(f"close-up at {place(match)}", close_up, inputs, query)
-            show_picture(drawn, f"The image up close at {place(match)}", place(match))
+            show_picture(
+                drawn_once(f"close-up at {place(match)}", close_up, inputs, query),
+                f"The image up close at {place(match)}",
+                place(match),
+            )
 
 
 def drawn_once(name: str, draw: Callable[[], bytes], inputs: PictureAndTemplate, query: TemplateQuery) -> bytes:
@@ -145,12 +148,17 @@ def show_scores(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
     scores, legend = st.columns([3, 1], gap="medium")
     with scores:
         marked = result.matches[: result.clear] or doubtful(result)
-
-        def pack() -> bytes:
-            drawn = png(figures.score_map_picture(score_map, marked))
-            return packed_score_map(drawn, score_map, name=PANEL_NAME, words=SCORE_MAP_WORDS)
-
-        component("score_map")(key="template.score_map", data=drawn_once("score map", pack, inputs, query))
+        component("score_map")(
+            key="template.score_map",
+            data=drawn_once(
+                "score map",
+                lambda: packed_score_map(
+                    png(figures.score_map_picture(score_map, marked)), score_map, name=PANEL_NAME, words=SCORE_MAP_WORDS
+                ),
+                inputs,
+                query,
+            ),
+        )
     legend.plotly_chart(
         figures.score_legend(),
         key="score_legend",
@@ -172,8 +180,14 @@ def show_match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: 
 def match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> list[File]:
     """Return the files of a template search, in the order they are offered."""
     images, (rows, cols) = _inputs(inputs), inputs.picture.shape[:2]
-    places, doubts = result.matches[: result.clear], doubtful(result)
-    framed = partial(figures.framed, inputs.picture, places, doubts, template=inputs.template.shape, width=cols)
+    framed = partial(
+        figures.framed,
+        inputs.picture,
+        result.matches[: result.clear],
+        doubtful(result),
+        template=inputs.template.shape,
+        width=cols,
+    )
     return [
         File(
             "Matches CSV",
@@ -207,10 +221,14 @@ def match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
 
 def _inputs(inputs: PictureAndTemplate) -> list[File]:
     """Return the files of the image, the template and its mask, if any; they are only in the ZIP."""
-    images = [("image", inputs.picture, "The image."), ("template", inputs.template, "The template.")]
-    if inputs.mask is not None:
-        images.append(("mask", inputs.mask, "The mask: above 0 where the template counts."))
-    return [file_of_image(*one)._replace(label="") for one in images]
+    images = (
+        ("image", inputs.picture, "The image."),
+        ("template", inputs.template, "The template."),
+        ("mask", inputs.mask, "The mask: above 0 where the template counts."),
+    )
+    return [
+        file_of_image(name, image, meaning)._replace(label="") for name, image, meaning in images if image is not None
+    ]
 
 
 # Panels
@@ -225,17 +243,20 @@ def drag_it(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQ
     The picture is reduced for the browser, aligned so that the best place falls on a pixel.
     """
     best = result.best
-    framed = [("found", match) for match in result.matches[: result.clear]]
-    framed = framed or [("doubtful", match) for match in doubtful(result)]
+    found = [("found", match) for match in result.matches[: result.clear]]
 
     def pack() -> bytes:
         near = (max(best.row, 0), max(best.col, 0)) if best else None
         search = reduced_search(inputs.picture, inputs.template, inputs.mask, near=near, score_map=result.score_map)
         places = []
-        for kind, match in framed:
+        for kind, match in found or [("doubtful", match) for match in doubtful(result)]:
             in_part = replace(match, row=match.row - search.row, col=match.col - search.col)
-            corners = figures.corners_of(in_part, 1 / search.factor, 1, inputs.template.shape)
-            places.append({"kind": kind, "corners": corners})
+            places.append(
+                {
+                    "kind": kind,
+                    "corners": figures.corners_of(in_part, 1 / search.factor, 1, inputs.template.shape),
+                }
+            )
         return packed_search(search, name=PANEL_NAME, words=template_words(search), places=places)
 
     try:
@@ -270,18 +291,19 @@ def show_funnel(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
 
 def _funnel_data(inputs: PictureAndTemplate) -> bytes:
     """Return the data for the browser, as JSON."""
-    data = {
-        "picture": data_url(jpeg(fitted(inputs.picture, MAX_FUNNEL_WIDTH))),
-        "template": data_url(figures.masked_template(inputs.template, inputs.mask)),
-        "rows": inputs.picture.shape[0],
-        "cols": inputs.picture.shape[1],
-        "height": inputs.template.shape[0],
-        "width": inputs.template.shape[1],
-        "anchors": [_described(anchor) for anchor in anchors(inputs.picture, inputs.template, inputs.mask)],
-        "frame": f"rgb{FRAME}",
-        "words": FUNNEL_WORDS,
-    }
-    return json.dumps(data).encode()
+    return json.dumps(
+        {
+            "picture": data_url(jpeg(fitted(inputs.picture, MAX_FUNNEL_WIDTH))),
+            "template": data_url(figures.masked_template(inputs.template, inputs.mask)),
+            "rows": inputs.picture.shape[0],
+            "cols": inputs.picture.shape[1],
+            "height": inputs.template.shape[0],
+            "width": inputs.template.shape[1],
+            "anchors": [_described(anchor) for anchor in anchors(inputs.picture, inputs.template, inputs.mask)],
+            "frame": f"rgb{FRAME}",
+            "words": FUNNEL_WORDS,
+        }
+    ).encode()
 
 
 def _described(anchor: Anchor) -> dict[str, Any]:
@@ -397,8 +419,10 @@ def _trials(
     shape = inputs.template.shape[0], inputs.template.shape[1]
     part = degraded_part(inputs.picture, place, shape, degradation)
     place_in_part = part.row, part.col
-    trials = try_methods(part.pixels, inputs.template, place_in_part, mask=inputs.mask, min_score=min_score)
-    return [(trial, figures.trial_jpeg(part.pixels, trial, place_in_part, shape)) for trial in trials]
+    return [
+        (trial, figures.trial_jpeg(part.pixels, trial, place_in_part, shape))
+        for trial in try_methods(part.pixels, inputs.template, place_in_part, mask=inputs.mask, min_score=min_score)
+    ]
 
 
 def _estimate_trials(inputs: PictureAndTemplate) -> Estimate:

@@ -118,7 +118,6 @@ def lesson(trials: Sequence[Trial], degradation: Degradation, min_score: float) 
     """Return a sentence or two on why the methods succeeded or failed."""
     by_method = {trial.method: trial for trial in trials}
     fft, sampled = by_method["fft"], by_method["sampled"]
-    warped = degradation.turn != 0 or degradation.resize != 1
     if fft.outcome == "refused":
         return fft.refusal
     if fft.outcome == sampled.outcome == "right" and degradation == Degradation():
@@ -132,7 +131,7 @@ def lesson(trials: Sequence[Trial], degradation: Degradation, min_score: float) 
         if fft.row is not None
         else "Nothing is left to correlate."
     )
-    if warped:
+    if degradation.turn != 0 or degradation.resize != 1:
         reason += " The template is compared as it is: a turned or resized copy no longer lines up with it."
     return reason
 
