@@ -20,7 +20,7 @@ from stereolag.core.searches import TemplateQuery
 from stereolag.templates.exact_pixels import exact_positions
 from stereolag.templates.hidden_parts import hidden_places
 from stereolag.templates.identity import Identity, identity
-from stereolag.templates.patterns import Pattern, in_grey, pattern_of, reduced, warped
+from stereolag.templates.patterns import Pattern, in_grey, pattern_of, reduced, warped, without_rim
 from stereolag.templates.places import NOWHERE, Places, peaks, peaks_near
 from stereolag.templates.poses import Pose, PoseRange
 from stereolag.templates.score_maps import fft_score_map
@@ -182,12 +182,7 @@ def _posed(template: Pattern, scale: float, rotation: float) -> Pattern | None:
     pattern = warped(template, scale, rotation)
     if pattern is None or rotation:
         return pattern
-    rim = int((pattern.weights < 1).any())
-    inner = slice(rim, -rim or None)
-    try:
-        return pattern_of(pattern.colours[inner, inner], pattern.weights[inner, inner] > 0)
-    except ValueError:
-        return None
+    return without_rim(pattern, int((pattern.weights < 1).any()))
 
 
 def _searched_poses(query: TemplateQuery, shape: tuple[int, int]) -> list[tuple[float, float]]:
@@ -270,7 +265,7 @@ class _View:
         scores: list[float] = []
         best: float | None = None
         for index in islice(places.in_order(share=0.5, among=enough), MAX_COMPARED):
-            row, col, score = int(places.rows[index]), int(places.cols[index]), float(places.scores[index])
+            row, col, score = *places.corner(index), float(places.scores[index])
             best = score if best is None else best
             if any(before.shown.is_template for before in compared) and score < best - MAX_BELOW_BEST:
                 break

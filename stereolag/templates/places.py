@@ -94,6 +94,10 @@ class Places:
         """Return positions found in a part of an image as positions in the image; the part begins at (down, right)."""
         return Places(self.rows + down, self.cols + right, self.scores, self.shape)
 
+    def corner(self, index: int) -> tuple[int, int]:
+        """Return the row and column of the top-left pixel at a position."""
+        return int(self.rows[index]), int(self.cols[index])
+
     def pose(self, index: int) -> tuple[float, float]:
         """Return the scale and rotation at a position."""
         return (1.0, 0.0) if self.poses is None else self.poses[index]
