@@ -259,8 +259,7 @@ class Evidence:
             self._correlate(numbers)
             found = self._scored_peaks(places)
             leaders = [next(peak for peak in found if peak.weight == number) for number in _EXTREME_WEIGHTS]
-            apart = abs(leaders[0].lag - leaders[1].lag)
-            if apart < 1 and min(leader.score for leader in leaders) > _DECISIVE_SCORE:
+            if abs(leaders[0].lag - leaders[1].lag) < 1 and min(peak.score for peak in leaders) > _DECISIVE_SCORE:
                 return found
         return [self._with_agreement(found[0]), *found[1:]]
 
@@ -553,9 +552,8 @@ class WeightedCurve:
         (0 otherwise), since one event of several samples is a single agreement.
         """
         lobe = 2 * self.lobe + 1
-        if products.size < _STRETCHES * lobe:
-            return 0.0
-        if effective_count(_block_sums(products, products.size // _STRETCHES)) < _MIN_SHARING_STRETCHES:
+        stretch = products.size // _STRETCHES
+        if stretch < lobe or effective_count(_block_sums(products, stretch)) < _MIN_SHARING_STRETCHES:
             return 0.0
         size = max(lobe, products.size // _MAX_EVENT_BLOCKS)
         met = effective_count(_block_sums(products, size))
