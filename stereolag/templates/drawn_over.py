@@ -214,10 +214,9 @@ def _is_cursor(differ: Mask, observed: Plane, noise: float) -> bool:
 def _is_ring(differ: Mask, observed: Plane, noise: float) -> bool:
     rows, cols = _box(differ)
     part = differ[rows, cols]
-    if min(part.shape) < 4 * MAX_RING_PX or part.size < 0.4 * differ.size:
-        return False
+    is_large = min(part.shape) >= 4 * MAX_RING_PX and part.size >= 0.4 * differ.size
     inner = part[MAX_RING_PX:-MAX_RING_PX, MAX_RING_PX:-MAX_RING_PX]
-    if inner.sum() > (1 - MIN_IN_OUTLINE) * part.sum():
+    if not is_large or inner.sum() > (1 - MIN_IN_OUTLINE) * part.sum():
         return False
     sides = [side.any(axis=0) for turned in (part, part.T) for side in (turned[:MAX_RING_PX], turned[-MAX_RING_PX:])]
     return all(side.mean() >= 0.4 for side in sides) and _is_uniform(observed[rows, cols][part], noise)
@@ -313,9 +312,12 @@ def _is_shadow(differ: Mask, template: Plane, observed: Plane) -> bool:
     light = template.min(axis=2) > 40  # in darker pixels the share cannot be measured
     shares = np.where(light[:, :, np.newaxis], observed / np.maximum(template, 1), 1)
     share, where = shares.mean(axis=2), differ & light
-    if where.sum() < MIN_IN_OUTLINE * differ.sum() or not 0.3 <= share[where].min() <= share[where].max() <= 1:
-        return False
-    if np.ptp(shares[where], axis=1).max() > 0.08 or np.ptp(share[where]) < 0.05:  # of a colour, or everywhere equal
+    if (
+        where.sum() < MIN_IN_OUTLINE * differ.sum()
+        or not 0.3 <= share[where].min() <= share[where].max() <= 1
+        or np.ptp(shares[where], axis=1).max() > 0.08  # it has a colour
+        or np.ptp(share[where]) < 0.05  # it does not fade
+    ):
         return False
     steps = [
         np.abs(np.diff(share, axis=axis))[where[1:] & where[:-1] if axis == 0 else where[:, 1:] & where[:, :-1]]

@@ -431,9 +431,11 @@ def _is_occluded_from_rim(fit: Fit, disagrees: npt.NDArray[np.bool_]) -> bool:
         return False
     _, labels, stats, _ = cv2.connectedComponentsWithStats(disagrees.astype(np.uint8), connectivity=4)
     region = labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
-    if not touches_rim(region) or region.sum() < 0.8 * disagrees.sum():
-        return False
-    if fit.explained_in(~disagrees) < MIN_EXPLAINED_BESIDE and fit.grain_in(~disagrees) < MIN_GRAIN:
+    if (
+        not touches_rim(region)
+        or region.sum() < 0.8 * disagrees.sum()
+        or (fit.explained_in(~disagrees) < MIN_EXPLAINED_BESIDE and fit.grain_in(~disagrees) < MIN_GRAIN)
+    ):
         return False
     judged, square = fit.judged, np.ones((3, 3), np.uint8)
     inner = cv2.erode(judged.astype(np.uint8), square, borderType=cv2.BORDER_CONSTANT, borderValue=0)

@@ -73,6 +73,10 @@ class Pattern:
         """Root of the weighted sum of squared deviations."""
         return float(np.sqrt((self.weights * np.square(self.deviations)).sum()))
 
+    def fits(self, image: Image) -> bool:
+        """Return whether the template is no larger than an image."""
+        return all(side <= length for side, length in zip(self.shape, image.shape, strict=False))
+
     def mirrored(self) -> Pattern:
         """Return the mirror image, left and right exchanged."""
         colours, weights = (np.ascontiguousarray(side[:, ::-1]) for side in (self.colours, self.weights))

@@ -237,7 +237,7 @@ def _coarse_search(
 
     def search(scale: float, rotation: float) -> tuple[list[Pose], int]:
         small = warped(grey, scale / factor, rotation)
-        if small is None or small.shape[0] > coarse.shape[0] or small.shape[1] > coarse.shape[1]:
+        if small is None or not small.fits(coarse):
             return [], 0
         score_map = fft_score_map(coarse, small, silent)
         found = peaks(score_map, small.shape)
