@@ -23,9 +23,6 @@ BLOCK = 2**20
 _MAX_IGNORED_FRACTION = 0.02
 """Samples; a lag that differs by no more from a whole number, and does not drift by more, moves whole samples."""
 
-_MIN_DRIFT_ERRORS = 4
-"""Standard errors above which a drift is significant."""
-
 
 def align(
     signal_1: npt.ArrayLike,
@@ -115,7 +112,7 @@ def shared_clock(signal_1: Signal, signal_2: Signal, lag: SignalLag | float) -> 
                 "lag to undo in samples, or recordings with more in common."
             )
         over_time = lag.over_time
-        if over_time is not None and (over_time.changes or _drifts(over_time)):
+        if over_time is not None and (over_time.changes or over_time.drifts_by(_MAX_IGNORED_FRACTION)):
             return _without_gaps(over_time, signal_1.size)
         lag = lag.lag_subsample
         if abs(lag - round(lag)) <= _MAX_IGNORED_FRACTION:
@@ -135,10 +132,6 @@ def _without_gaps(over_time: LagOverTime, size: int) -> tuple[Stretch, ...]:
     lines[0] = replace(lines[0], begin=0)
     lines[-1] = replace(lines[-1], end=size)
     return tuple(line for line in lines if line.begin < line.end)
-
-
-def _drifts(over_time: LagOverTime) -> bool:
-    return abs(over_time.span) > _MAX_IGNORED_FRACTION and abs(over_time.ppm) > _MIN_DRIFT_ERRORS * over_time.error_ppm
 
 
 def aligned_part(signal_2: Signal, clock: Sequence[Stretch], first: int, last: int, mean: float) -> Vector:

@@ -24,15 +24,6 @@ STEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 STRETCHES = 48
 """Stretches tried for an excerpt, evenly spaced over the overlap of both recordings."""
 
-PEAK_WIDTH = 4
-"""Places to either side of a peak that belong to it."""
-
-SEVEN_NUMBERS = (2, -1, 4, 3, -5, 1, -4)
-AROUND_THEM = ((1, 2, -1, 3, 1, -2, -3, 0), (0, 2, -2, 1, -1))
-
-TONE_PERIOD = 20
-LOUD_FACTOR = 4.0
-
 
 @dataclass(frozen=True, eq=False)
 class Slide:
@@ -69,17 +60,16 @@ class Slide:
 
     @property
     def rival(self) -> float:
-        """The highest correlation outside the peak."""
+        """The highest correlation more than four places from the peak."""
         scores = self.scores
-        away = np.abs(np.arange(scores.size) - int(np.argmax(scores))) > PEAK_WIDTH
+        away = np.abs(np.arange(scores.size) - int(np.argmax(scores))) > 4
         return float(scores[away].max())
 
 
 def seven_numbers() -> Slide:
     """Return seven whole numbers hidden among others."""
-    before, after = AROUND_THEM
-    cut = np.array(SEVEN_NUMBERS, dtype=np.float64)
-    return Slide("seven", cut, np.concatenate((before, cut, after)))
+    cut = np.array([2, -1, 4, 3, -5, 1, -4], dtype=np.float64)
+    return Slide("seven", cut, np.concatenate(([1, 2, -1, 3, 1, -2, -3, 0], cut, [0, 2, -2, 1, -1])))
 
 
 def excerpt(signal_1: Vector, signal_2: Vector, lag: int) -> Slide | None:
@@ -126,8 +116,8 @@ def _excerpts(signal_1: Vector, signal_2: Vector, lag: int) -> Iterator[Slide]:
 
 
 def tone() -> Slide:
-    """Return a pure tone, which fits again after every period."""
-    recording = np.sqrt(2) * np.sin(2 * np.pi * np.arange(SLID_OVER) / TONE_PERIOD)
+    """Return a pure tone, which fits again after every period of 20 samples."""
+    recording = np.sqrt(2) * np.sin(2 * np.pi * np.arange(SLID_OVER) / 20)
     return Slide("tone", recording[HOME : HOME + CUT_SAMPLES], recording, -HOME)
 
 
@@ -138,10 +128,10 @@ def noise() -> Slide:
 
 
 def loud_stretch() -> Slide:
-    """Return a recording that is louder elsewhere than at the true place of the cut."""
+    """Return a recording that is four times louder elsewhere than at the true place of the cut."""
     recording = np.random.default_rng(2).normal(size=SLID_OVER)
     cut = recording[HOME : HOME + CUT_SAMPLES].copy()
-    recording[150:220] *= LOUD_FACTOR
+    recording[150:220] *= 4
     return Slide("loud", cut, recording)
 
 

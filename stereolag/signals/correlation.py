@@ -210,17 +210,8 @@ def weighted_pearson_reference(signal_1: Vector, signal_2: Vector, lags: Lags) -
     return np.asarray(np.nan_to_num(np.array(scores) * np.sqrt(weight)))
 
 
-_FADED_SHARE = 0.03
-"""Share of a recording that is faded at each end before it is whitened."""
-
-_WHITENING_FLOOR = 1e-3
-"""Floor of the magnitudes that are whitened, as a share of their mean."""
-
 _MAX_CACHED_POINTS = 2**20
 """Points of the longest right angle that is cached for the next call: 16 MB."""
-
-_CACHED_TRANSFORMS = 16
-"""Number of lengths for which SciPy caches the twiddle factors."""
 
 _PRODUCTS_PER_CALL = 200_000_000
 """Products of the sliding sum between two progress reports: about 0.03 s."""
@@ -334,7 +325,7 @@ def faded(signal: Vector, length: int | None = None) -> Vector:
     Over `length` samples each; None: 3 % of them.
     """
     faded = signal.copy()
-    length = round(_FADED_SHARE * signal.size) if length is None else length
+    length = round(0.03 * signal.size) if length is None else length
     rise = np.sin(0.5 * np.pi * (np.arange(length) + 0.5) / max(length, 1)) ** 2
     faded[:length] *= rise
     faded[signal.size - length :] *= rise[::-1]
@@ -362,7 +353,7 @@ def _lag_products(signal_1: Vector, signal_2: Vector, first: int, last: int, *, 
     spectrum = cross_spectrum(*fft.fft(rotated, axis=1, workers=2, overwrite_x=True))
     if whiten:
         magnitude = np.abs(spectrum)
-        spectrum /= magnitude + _WHITENING_FLOOR * magnitude.mean()
+        spectrum /= magnitude + 1e-3 * magnitude.mean()
     products = fft.ifft(spectrum, overwrite_x=True)
     if size > _MAX_CACHED_POINTS:
         _forget_transforms()
@@ -371,7 +362,7 @@ def _lag_products(signal_1: Vector, signal_2: Vector, first: int, last: int, *, 
 
 def _forget_transforms() -> None:
     """Replace the long transforms in SciPy's cache by short ones: it keeps 16 bytes per point of the last 16."""
-    for length in range(2, 2 + _CACHED_TRANSFORMS):
+    for length in range(2, 18):
         fft.fft(np.zeros(length, dtype=np.complex128))
 
 

@@ -273,23 +273,20 @@ def _without_echoes(
 ) -> list[Stretch]:
     """Return the lines without echoes and shared noise, whose lag the recordings show outside its stretch as well."""
     while len(lines) > 1:
-        along = []
-        for line in lines:
-            columns = np.round(line.start + line.slope * places).astype(int) - lowest
-            along.append(heights[np.arange(places.size), np.clip(columns, 0, heights.shape[1] - 1)])
+        columns = [np.round(line.start + line.slope * places).astype(int) - lowest for line in lines]
+        along = [heights[np.arange(places.size), np.clip(at, 0, heights.shape[1] - 1)] for at in columns]
         gains = [np.minimum(row, _MAX_COUNTED_HEIGHT) for row in along]
         # The border between two lines is where the sum of both heights is largest.
         borders = [0, *(int(np.argmax(np.cumsum(one - two))) + 1 for one, two in pairwise(gains)), places.size]
         shares = []
-        for row, begin, end in zip(along, borders, borders[1:], strict=False):
+        for row, (begin, end) in zip(along, pairwise(borders), strict=True):
             elsewhere = np.delete(row, np.s_[begin:end])
             inside = float(row[begin:end].mean()) if begin < end else 0.0
             shares.append(float(elsewhere.mean()) / max(inside, 1e-30) if elsewhere.size else math.inf)
         if max(shares) < _MAX_HEIGHT_ELSEWHERE:
             break
-        shortest = min(range(len(lines)), key=lambda at: len(lines[at].places))
-        del lines[shortest]
-        lines = _merge(lines)
+        shortest = min(lines, key=lambda line: len(line.places))
+        lines = _merge([line for line in lines if line is not shortest])
     return lines
 
 
@@ -326,9 +323,8 @@ def _step_position(recording_1: Recording, recording_2: Recording, before: Stret
 
 def _with_borders(lines: Sequence[Stretch], begin: int, end: int) -> list[Stretch]:
     """Return the lines with their borders halfway between their blocks."""
-    borders = [round((one.places[-1] + two.places[0]) / 2) for one, two in pairwise(lines)]
-    edges = [begin, *borders, end]
-    return [replace(line, begin=low, end=high) for line, low, high in zip(lines, edges, edges[1:], strict=False)]
+    edges = [begin, *(round((one.places[-1] + two.places[0]) / 2) for one, two in pairwise(lines)), end]
+    return [replace(line, begin=low, end=high) for line, (low, high) in zip(lines, pairwise(edges), strict=True)]
 
 
 def _merge(lines: Sequence[Stretch], min_share: float = 0.8) -> list[Stretch]:

@@ -259,8 +259,7 @@ class Evidence:
             self._correlate(numbers)
             found = self._scored_peaks(places)
             leaders = [next(peak for peak in found if peak.weight == number) for number in _EXTREME_WEIGHTS]
-            apart = abs(leaders[0].lag - leaders[1].lag)
-            if apart < 1 and min(leader.score for leader in leaders) > _DECISIVE_SCORE:
+            if abs(leaders[0].lag - leaders[1].lag) < 1 and min(peak.score for peak in leaders) > _DECISIVE_SCORE:
                 return found
         return [self._with_agreement(found[0]), *found[1:]]
 
@@ -527,23 +526,20 @@ class WeightedCurve:
         By the sum of their products, or by the number of events that meet if that says more.
         """
         part_1, part_2 = overlap_slices(*self._evidence.sizes, lag)
-        signals = self._weighted[0, part_1], self._weighted[1, part_2]
-        products = signals[0] * signals[1]
-        scale = math.sqrt(float(np.sum(products * products, dtype=np.float64)) + 1e-300) * self._colour
-        total, largest = products.sum(dtype=np.float64), np.abs(products).sum(dtype=np.float64)
-        events = self._coincidence(signals, products)
-        if max(float(total) / scale, events) < self._evidence.needed:
+        products, scale, events = self._compared(self._weighted[0, part_1], self._weighted[1, part_2], self._colour)
+        total = float(products.sum(dtype=np.float64)) / scale
+        if max(total, events) < self._evidence.needed:
+            # One or two impulses hold nearly all of the energy and hide how many others meet.
             clipped = self._clipped[0, part_1], self._clipped[1, part_2]
-            events = max(events, self._clipped_agreement(clipped, clipped[0] * clipped[1]))
-        return max(float(total) / scale, events), max(float(largest) / scale, events)
+            clipped_products, clipped_scale, met = self._compared(*clipped, self._clipped_colour)
+            events = max(events, min(float(clipped_products.sum(dtype=np.float64)) / clipped_scale, met))
+        return max(total, events), max(float(np.abs(products).sum(dtype=np.float64)) / scale, events)
 
-    def _clipped_agreement(self, clipped: tuple[Samples, Samples], products: Samples) -> float:
-        """Return the agreement of the clipped recordings, by the sum of products or by events, whichever is less.
-
-        One or two impulses hold nearly all of the energy and hide how many others meet.
-        """
-        scale = math.sqrt(float(np.sum(products * products, dtype=np.float64)) + 1e-300) * self._clipped_colour
-        return min(float(products.sum(dtype=np.float64)) / scale, self._coincidence(clipped, products))
+    def _compared(self, signal_1: Samples, signal_2: Samples, colour: float) -> tuple[Samples, float, float]:
+        """Return the products of the samples, the standard deviation of their sum by chance, and the coincidence."""
+        products = signal_1 * signal_2
+        scale = math.sqrt(float(np.sum(products * products, dtype=np.float64)) + 1e-300) * colour
+        return products, scale, self._coincidence((signal_1, signal_2), products)
 
     def _coincidence(self, signals: tuple[Samples, Samples], products: Samples) -> float:
         """Return by how much more rare events meet than by chance, in standard deviations of a Poisson process.
@@ -553,9 +549,8 @@ class WeightedCurve:
         (0 otherwise), since one event of several samples is a single agreement.
         """
         lobe = 2 * self.lobe + 1
-        if products.size < _STRETCHES * lobe:
-            return 0.0
-        if effective_count(_block_sums(products, products.size // _STRETCHES)) < _MIN_SHARING_STRETCHES:
+        stretch = products.size // _STRETCHES
+        if stretch < lobe or effective_count(_block_sums(products, stretch)) < _MIN_SHARING_STRETCHES:
             return 0.0
         size = max(lobe, products.size // _MAX_EVENT_BLOCKS)
         met = effective_count(_block_sums(products, size))

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from numbers import Real
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -44,9 +44,6 @@ from stereolag.signals.search import (
 )
 from stereolag.signals.verdict import Arrival, LagJudgement, Verdict, judge, judged_samples
 
-AUDIO_RATE = 44_100.0
-"""Samples per second if neither the caller nor a recording gives a rate."""
-
 
 def common_rate(signal_1: object, signal_2: object, given: float | None) -> float:
     """Return the sampling rate of both recordings, samples per second.
@@ -80,17 +77,13 @@ def common_rate(signal_1: object, signal_2: object, given: float | None) -> floa
                 f"sampling_rate is {given:,.10g} Hz and {name} has {rate:,.10g} Hz; leave sampling_rate out, or give "
                 "the samples alone (`channels[0]`)."
             )
-    if given is not None:
-        return float(given)
-    return next(iter(own.values()), AUDIO_RATE)
+    return float(given) if given is not None else next(iter(own.values()), 44_100.0)
 
 
 def _own_rate(signal: object) -> float | None:
     rate = getattr(signal, "sampling_rate", None)
     return float(rate) if isinstance(rate, Real) else None
 
-
-Algorithm: TypeAlias = Literal["whole", "blocks", "bands"]
 
 MAX_WHOLE_LENGTH = 2**23
 """Samples; longest recording that is always transformed as a whole: three minutes at 44.1 kHz, 1.2 GB."""
@@ -146,7 +139,7 @@ def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_
     )
 
 
-def algorithm(size_1: int, size_2: int, method: SignalMethod, reach: int) -> Algorithm:
+def algorithm(size_1: int, size_2: int, method: SignalMethod, reach: int) -> Literal["whole", "blocks", "bands"]:
     """Return how recordings of these sizes are searched, for lags up to `reach` both ways."""
     longest = max(size_1, size_2)
     if method != "fft":
@@ -514,20 +507,14 @@ def _modulus(given: Array) -> float | None:
     They fill the range from 0, or from minus half the modulus, and jump by nearly the whole range or by little of it.
     """
     low, high = float(given.min()), float(given.max())
-    for modulus in _MODULI:
-        offset = min(low, low + modulus / 2, key=abs)
-        if (
-            not _MIN_RANGE_SHARE * modulus <= high - low <= modulus
-            or not 0 <= offset <= (1 - _MIN_RANGE_SHARE) * modulus
-        ):
-            continue
-        signal = given[:_MAX_SAMPLES_EXAMINED].astype(np.float64, copy=False)
-        steps = np.abs(np.diff(signal))
-        far, between = (steps > 0.75 * modulus).sum(), ((steps > 0.25 * modulus) & (steps <= 0.75 * modulus)).sum()
-        in_middle = np.abs(signal - (low + high) / 2) < modulus / 4
-        if far > 10 * between and in_middle.mean() > _MIN_MIDDLE_SHARE:
-            return modulus
-    return None
+    modulus = next((each for each in _MODULI if _MIN_RANGE_SHARE * each <= high - low <= each), None)
+    if modulus is None or not 0 <= min(low, low + modulus / 2, key=abs) <= (1 - _MIN_RANGE_SHARE) * modulus:
+        return None
+    signal = given[:_MAX_SAMPLES_EXAMINED].astype(np.float64, copy=False)
+    steps = np.abs(np.diff(signal))
+    far, between = (steps > 0.75 * modulus).sum(), ((steps > 0.25 * modulus) & (steps <= 0.75 * modulus)).sum()
+    in_middle = np.abs(signal - (low + high) / 2) < modulus / 4
+    return modulus if far > 10 * between and in_middle.mean() > _MIN_MIDDLE_SHARE else None
 
 
 def _wrapped_steps(given: Array, modulus: float) -> Vector:

@@ -198,7 +198,11 @@ class LagOverTime:
     @property
     def drifts(self) -> bool:
         """Whether the clocks run apart by more than the uncertainty, and by enough to smear a peak."""
-        return abs(self.span) >= 1.0 and abs(self.ppm) > 4 * self.error_ppm
+        return self.drifts_by(1.0)
+
+    def drifts_by(self, least: float) -> bool:
+        """Return whether the clocks run apart by more than the uncertainty, and by at least so many samples."""
+        return abs(self.span) >= least and abs(self.ppm) > 4 * self.error_ppm
 
     def shifted(self, offset: float) -> LagOverTime:
         """Return the lag over time with `offset` samples added."""
@@ -225,9 +229,9 @@ def on_first_clock(signal_2: npt.NDArray[np.floating], over_time: LagOverTime, f
     By a windowed sinc of 32 samples; 0 where recording 2 has no samples.
     """
     out = np.zeros(size, dtype=np.float32)
-    ends = [stretch.end for stretch in over_time.stretches[:-1]]
-    edges = np.clip([first, *ends, first + size], first, first + size) - first
-    for stretch, low, high in zip(over_time.stretches, edges, edges[1:], strict=False):
+    ends = [first, *(stretch.end for stretch in over_time.stretches[:-1]), first + size]
+    edges = np.clip(ends, first, first + size) - first
+    for stretch, (low, high) in zip(over_time.stretches, pairwise(edges), strict=True):
         place = first + int(low)
         resample(signal_2, place + stretch.lag_at(place), 1 + stretch.slope, interpolation(), out[low:high])
     return out

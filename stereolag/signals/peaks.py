@@ -18,9 +18,6 @@ EQUAL = 1e-9
 REACH = 32
 """Samples on either side used to interpolate a peak between two samples."""
 
-_POSITIONS = 65
-"""Positions from -0.5 to 0.5 at which a peak is interpolated."""
-
 _KAISER = 6.0
 """Shape parameter of the window."""
 
@@ -132,9 +129,8 @@ def best_cycle(curve: Array, peak: int, reach: int) -> int:
 
 @lru_cache(maxsize=REACH)
 def _interpolation(reach: int) -> Vector:
-    """Return (positions, 2 * reach + 1) weights that interpolate a band-limited curve at positions from -0.5 to 0.5."""
-    positions = np.linspace(-0.5, 0.5, _POSITIONS)
-    distance = positions[:, np.newaxis] - np.arange(-reach, reach + 1)
+    """Return (65, 2 * reach + 1) weights that interpolate a band-limited curve at 65 positions from -0.5 to 0.5."""
+    distance = np.linspace(-0.5, 0.5, 65)[:, np.newaxis] - np.arange(-reach, reach + 1)
     taper = np.i0(_KAISER * np.sqrt(1 - (distance / (reach + 1)) ** 2)) / np.i0(_KAISER)
     weights = np.sinc(distance) * taper
     weights.flags.writeable = False

@@ -191,13 +191,11 @@ def sampled_votes(
         mirrored = sampled_votes(signal_2, signal_1, max_lag, random, progress)
         return {-lag: count for lag, count in mirrored.items()}
     pool_1, pool_2 = _Slices(signal_1, signal_1.size), _Slices(signal_2, signal_1.size)
-    votes: dict[int, int] = {}
     if not (pool_1.varying.size and pool_2.varying.size):
-        return votes
+        return {}
     for number, (drawn, looked_up, nearest) in enumerate(_ROUNDS):
         starts = random.permutation(pool_1.varying)[:drawn]
-        lags = _look_up(pool_1, pool_2, starts, looked_up, nearest, max_lag)
-        votes = _count(lags)
+        votes = _count(_look_up(pool_1, pool_2, starts, looked_up, nearest, max_lag))
         progress((number + 1) / len(_ROUNDS))
         if _is_decisive(votes):
             break
@@ -516,9 +514,8 @@ def _nearest_ties(bound: _UpperBound, weighted: FloatMap, best: int) -> list[int
         *bound.sizes, bound.centres(np.array([best]))
     )
     high = high[(share >= 0.5) & (weighted[high] >= _MIN_PEAK_OF_BOUND * np.sqrt(share) * weighted[best])]
-    later = high[high + bound.first >= 0][:1]
-    earlier = high[high + bound.first < 0][-1:]
-    return [int(cell) for cell in (*later, *earlier)]
+    is_later = high + bound.first >= 0
+    return [*high[is_later][:1].tolist(), *high[~is_later][-1:].tolist()]
 
 
 def _refine(

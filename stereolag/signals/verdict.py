@@ -103,8 +103,6 @@ _MIN_TEETH_SHARE = 0.5
 _MIN_REGULAR_SHARE = 0.75
 """Share of the rivals that are evenly spaced, at least."""
 
-_MAX_RIVALS = 16
-
 
 class Arrival(NamedTuple):
     """A lag at which the recordings agree beyond chance: the direct sound, an echo, or one of two sounds.
@@ -242,8 +240,7 @@ class _Alignment:
         if self.changes or not found:
             return found
         near = 4 * self.evidence.curves[self.peaks[0].weight].envelope + 32
-        sizes = recordings[0].size, recordings[1].size
-        overlap = overlap_length(*sizes, np.round([self.lag, *found]).astype(int))
+        overlap = overlap_length(recordings[0].size, recordings[1].size, np.round([self.lag, *found]).astype(int))
         min_pearson = _MIN_RIVAL_HEIGHT * overlap_pearson(*recordings, round(self.lag))
         if min_pearson < _MIN_RIVAL_HEIGHT * _MIN_VISIBLE_HEIGHT / math.sqrt(overlap[0]):
             return found
@@ -405,8 +402,7 @@ def _best(recordings: Recordings, found: FoundLag, first: int, last: int) -> _Al
 
 def _best_by_sections(recordings: Recordings, found: FoundLag, searched: int) -> _Alignment:
     """Return the alignment of long recordings with the most evidence, at the lag found or another high point."""
-    lags = [found.lag, *_high_lags(found, recordings)]
-    alignments = [_by_sections(recordings, lag, searched) for lag in lags]
+    alignments = [_by_sections(recordings, lag, searched) for lag in (found.lag, *_high_lags(found, recordings))]
     best = max(alignments, key=lambda alignment: alignment.score)
     min_score = max(1, _MIN_RIVAL_HEIGHT * (best.score if best.changes else min(best.score, _MAX_COMPARED_SCORE)))
     equal = [alignment for alignment in alignments if alignment.score > min_score]
@@ -504,7 +500,8 @@ def _opposite(recordings: Recordings, found: FoundLag, first: int, last: int, be
 
 
 def _nearest_rivals(rivals: set[int], lag: int) -> tuple[int, ...]:
-    return tuple(sorted(rivals - {lag}, key=lambda other: (abs(other - lag), other))[:_MAX_RIVALS])
+    """Return the 16 rivals nearest to a lag."""
+    return tuple(sorted(rivals - {lag}, key=lambda other: (abs(other - lag), other))[:16])
 
 
 def local_curve(first: Vector, second: Vector, reach: int) -> Vector:

@@ -115,10 +115,9 @@ class MotionSolver:
         sums = weighted @ target
         with_blur = np.linalg.solve(products, sums)
         without_blur = np.linalg.solve(products[:-1, :-1], sums[:-1])
-        motion = np.zeros(4)
         blur_gain = with_blur @ sums - without_blur @ sums[:-1]
-        if blur_gain < MIN_BLUR_GAIN * float(np.square(target * self._inner).sum()):
-            motion[: len(terms)] = without_blur
-            return motion, 0.0
-        motion[: len(terms)] = with_blur[:-1]
-        return motion, float(with_blur[-1])
+        is_as_sharp = blur_gain < MIN_BLUR_GAIN * float(np.square(target * self._inner).sum())
+        fitted = np.append(without_blur, 0.0) if is_as_sharp else with_blur
+        motion = np.zeros(4)
+        motion[: len(terms)] = fitted[:-1]
+        return motion, float(fitted[-1])

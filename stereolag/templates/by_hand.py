@@ -9,20 +9,16 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
-import cv2
 import numpy as np
-import numpy.typing as npt
 
 from stereolag.core.arrays import Indices, Mask, Rgb
 from stereolag.core.inputs import Image, as_image
 from stereolag.figures.pictures import as_rgb
 from stereolag.templates.exact_pixels import anchor_stages, rare_pixels
-from stereolag.templates.patterns import opaque_pixels, pattern_of, same_channels
+from stereolag.templates.patterns import opaque_pixels, pattern_of, reduced, same_channels
 from stereolag.templates.places import peaks
 from stereolag.templates.score_maps import ScoreMap, best_position
 from stereolag.templates.search import match_template
-
-Offsets = npt.NDArray[np.intp]
 
 PICTURE_PIXELS = 250_000
 """Pixels of the reduced picture: a few hundred kilobytes to send, and the width of a screen."""
@@ -73,7 +69,7 @@ class ReducedSearch:
     def leaders(self) -> list[tuple[int, int, float]]:
         """Return (row, col, score) of the best place and three rivals, best first, none overlapping another."""
         places = peaks(self.score_map, (self.opaque.shape[0], self.opaque.shape[1]))
-        return [(int(places.rows[at]), int(places.cols[at]), float(places.scores[at])) for at in places.best(4)]
+        return [(*places.corner(at), float(places.scores[at])) for at in places.best(4)]
 
 
 def reduced_search(
@@ -104,26 +100,25 @@ def reduced_search(
     ValueError
         If the template is constant, or becomes so when reduced.
     """
-    whole, small = as_image(image, "image", gaps=True), as_image(template, "template", gaps=True)
-    opaque = opaque_pixels(small, mask)
+    whole, given = as_image(image, "image", gaps=True), as_image(template, "template", gaps=True)
+    opaque = opaque_pixels(given, mask)
     colours, sought = (
-        as_rgb(picture[:, :, 0] if picture.shape[2] == 1 else picture) for picture in same_channels(whole, small)
+        as_rgb(picture[:, :, 0] if picture.shape[2] == 1 else picture) for picture in same_channels(whole, given)
     )
     wanted = math.ceil(math.sqrt(whole.shape[0] * whole.shape[1] / pixels))
     factor = max(1, min(wanted, min(opaque.shape) // MIN_SIDE_PX))
-    place = near or (0, 0)
     starts, sides = zip(
         *(
             _part(length, least, at, factor, math.sqrt(pixels / (whole.shape[0] * whole.shape[1])))
-            for length, least, at in zip(whole.shape[:2], opaque.shape, place, strict=True)
+            for length, least, at in zip(whole.shape[:2], opaque.shape, near or (0, 0), strict=True)
         ),
         strict=True,
     )
     ends = [start + side * factor for start, side in zip(starts, sides, strict=True)]
-    picture = _block_means(colours[starts[0] : ends[0], starts[1] : ends[1]], factor)
-    reduced, counts = _reduced_template(sought, opaque, factor)
+    picture = reduced(colours[starts[0] : ends[0], starts[1] : ends[1]], factor)
+    small, counts = _reduced_template(sought, opaque, factor)
     if score_map is None:
-        scores = match_template(picture, reduced, mask=counts.astype(np.uint8), min_score=-1.0).score_map
+        scores = match_template(picture, small, mask=counts.astype(np.uint8), min_score=-1.0).score_map
         assert scores is not None
     else:
         scores = np.full([whole - own + 1 for whole, own in zip(sides, counts.shape, strict=True)], np.float32(np.nan))
@@ -132,7 +127,7 @@ def reduced_search(
         scores[: known.shape[0], : known.shape[1]] = known
     part = any(side * factor < length - 2 * factor for side, length in zip(sides, whole.shape[:2], strict=True))
     return ReducedSearch(
-        picture, reduced, counts, scores, factor, starts[0], starts[1], part, at_full_size=score_map is not None
+        picture, small, counts, scores, factor, starts[0], starts[1], part, at_full_size=score_map is not None
     )
 
 
@@ -150,24 +145,16 @@ def _part(length: int, least: int, at: int, factor: int, share: float) -> tuple[
     return offset + first * factor, kept
 
 
-def _block_means(colours: Rgb, factor: int) -> Rgb:
-    rows, cols = colours.shape[0] // factor, colours.shape[1] // factor
-    whole = np.ascontiguousarray(colours[: rows * factor, : cols * factor])
-    return np.asarray(cv2.resize(whole, (cols, rows), interpolation=cv2.INTER_AREA), dtype=np.uint8)
-
-
 def _reduced_template(colours: Rgb, opaque: Mask, factor: int) -> tuple[Rgb, Mask]:
     """Return the mean of the opaque pixels of each block, and which blocks are compared."""
     rows, cols = opaque.shape[0] // factor, opaque.shape[1] // factor
     inner = np.s_[: rows * factor, : cols * factor]
-    blocks = opaque[inner].reshape(rows, factor, cols, factor)
-    filled = blocks.mean(axis=(1, 3))
-    sums = np.where(opaque[..., np.newaxis], colours, 0)[inner].reshape(rows, factor, cols, factor, 3)
-    means = sums.sum(axis=(1, 3)) / np.maximum(blocks.sum(axis=(1, 3)), 1)[..., np.newaxis]
-    compared = filled == 1
+    counts = opaque[inner].reshape(rows, factor, cols, factor).sum(axis=(1, 3))
+    sums = np.where(opaque[..., np.newaxis], colours, 0)[inner].reshape(rows, factor, cols, factor, 3).sum(axis=(1, 3))
+    compared = counts == factor**2
     if np.count_nonzero(compared) < MIN_OPAQUE_PIXELS:
-        compared = filled >= 0.5
-    return np.rint(means).astype(np.uint8), compared
+        compared = counts >= factor**2 / 2
+    return np.rint(sums / np.maximum(counts, 1)[..., np.newaxis]).astype(np.uint8), compared
 
 
 MAX_MAP_WIDTH_PX = 700
@@ -182,7 +169,7 @@ def block_side(score_map: ScoreMap) -> int:
     return max(1, -(-int(score_map.shape[1]) // MAX_MAP_WIDTH_PX))
 
 
-def best_of_blocks(score_map: ScoreMap, factor: int) -> tuple[ScoreMap, Offsets, Offsets]:
+def best_of_blocks(score_map: ScoreMap, factor: int) -> tuple[ScoreMap, Indices, Indices]:
     """Return the highest score of each block of factor × factor places, and its row and column offsets.
 
     Offsets are from the block's top-left corner; a block without scores is NaN.
@@ -195,7 +182,7 @@ def best_of_blocks(score_map: ScoreMap, factor: int) -> tuple[ScoreMap, Offsets,
     return best, down, right
 
 
-def _best_of_band(score_map: ScoreMap, factor: int) -> tuple[ScoreMap, Offsets, Offsets]:
+def _best_of_band(score_map: ScoreMap, factor: int) -> tuple[ScoreMap, Indices, Indices]:
     rows, cols = (-(-side // factor) for side in score_map.shape)
     padded = np.full((rows * factor, cols * factor), -np.inf, dtype=np.float32)
     padded[: score_map.shape[0], : score_map.shape[1]] = np.nan_to_num(score_map, nan=-np.inf)

@@ -27,9 +27,6 @@ ARROW = np.array([(0, 0), (0, 16), (4, 12.5), (7, 19), (9.5, 18), (6.5, 11.5), (
 MIN_SIZE_RATIO = 8
 """Least area of a template over that of an arrow, or of a badge within it: anything larger is a part of it."""
 
-BADGE_HEIGHTS_PX = (8, 40)
-"""Smallest and largest height of a badge."""
-
 MIN_EDGE_OVER_TEXTURE = 9.0
 """Least squared gradient of an edge of the template over the median beside the overlay."""
 
@@ -120,10 +117,14 @@ def drawn_over(image: Image, pattern: Pattern, row: int, col: int) -> Mask | Non
         and not has_outline(template, region)
         and not is_gone(template, observed, region)
     )
+    is_in_front = may_be_in_front and (
+        _is_cursor(region, observed, noise)
+        or _is_arrow(region)
+        or _is_bar(differ, observed, noise)
+        or (_is_over_edges(region, template, noise) and _is_badge(region, image, row, col, noise))
+    )
     is_overlay = (
-        (may_be_in_front and (_is_cursor(region, observed, noise) or _is_arrow(region)))
-        or (may_be_in_front and _is_bar(differ, observed, noise))
-        or (may_be_in_front and _is_over_edges(region, template, noise) and _is_badge(region, image, row, col, noise))
+        is_in_front
         or _is_ring(differ, observed, noise)
         or _is_tint(differ, template, observed)
         or _is_shadow(differ, template, observed)
@@ -174,12 +175,17 @@ def _is_outlined(template: Plane, steepness: Plane, outline: npt.NDArray[Any]) -
         for change, side in ((cv2.erode, 3), (cv2.dilate, 3), (cv2.dilate, 7), (cv2.dilate, 25))
     )
     rim, beside = outer & ~inner, far & ~near
-    if outer[[0, -1]].any() or outer[:, [0, -1]].any() or not rim.any():
+    if touches_rim(outer) or not rim.any():
         return False
     variance = float(template.var(axis=(0, 1)).sum())
     least = max(MIN_EDGE_OVER_TEXTURE * median(steepness[~outer]), MIN_EDGE_OVER_VARIANCE * variance)
     edges = cv2.dilate(np.asarray(steepness > least, dtype=np.uint8), np.ones((3, 3), np.uint8)) > 0
     return bool(edges[rim].mean() >= MIN_OUTLINED and edges[beside].sum() <= MAX_EDGES_AROUND * beside.sum())
+
+
+def touches_rim(region: Mask) -> bool:
+    """Return whether a region reaches the first or last row or column."""
+    return bool(region[[0, -1]].any() or region[:, [0, -1]].any())
 
 
 def _box(differ: Mask) -> tuple[slice, slice]:
@@ -188,10 +194,14 @@ def _box(differ: Mask) -> tuple[slice, slice]:
     return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(cols[0]), int(cols[-1]) + 1)
 
 
+def _is_median(values: Plane, noise: float) -> Mask:
+    """Return which of the values (pixels, channels) are of the median colour."""
+    return np.asarray(np.abs(values - [median(channel) for channel in values.T]).max(axis=1) <= noise)
+
+
 def _is_uniform(values: Plane, noise: float) -> bool:
     """Return whether values (pixels, channels) are of one colour."""
-    colour = [median(channel) for channel in values.T]
-    return bool((np.abs(values - colour).max(axis=1) <= noise).mean() >= MIN_IN_REGION)
+    return bool(_is_median(values, noise).mean() >= MIN_IN_REGION)
 
 
 def _is_cursor(differ: Mask, observed: Plane, noise: float) -> bool:
@@ -204,10 +214,9 @@ def _is_cursor(differ: Mask, observed: Plane, noise: float) -> bool:
 def _is_ring(differ: Mask, observed: Plane, noise: float) -> bool:
     rows, cols = _box(differ)
     part = differ[rows, cols]
-    if min(part.shape) < 4 * MAX_RING_PX or part.size < 0.4 * differ.size:
-        return False
+    is_large = min(part.shape) >= 4 * MAX_RING_PX and part.size >= 0.4 * differ.size
     inner = part[MAX_RING_PX:-MAX_RING_PX, MAX_RING_PX:-MAX_RING_PX]
-    if inner.sum() > (1 - MIN_IN_OUTLINE) * part.sum():
+    if not is_large or inner.sum() > (1 - MIN_IN_OUTLINE) * part.sum():
         return False
     sides = [side.any(axis=0) for turned in (part, part.T) for side in (turned[:MAX_RING_PX], turned[-MAX_RING_PX:])]
     return all(side.mean() >= 0.4 for side in sides) and _is_uniform(observed[rows, cols][part], noise)
@@ -220,26 +229,24 @@ def _is_bar(differ: Mask, observed: Plane, noise: float) -> bool:
     is_whole_side = [span.stop - span.start == side for span, side in zip((rows, cols), sides, strict=True)]
     at_rim = [span.start == 0 or span.stop == side for span, side in zip((rows, cols), sides, strict=True)]
     width = min(part.shape[:2])
-    if is_whole_side[0] == is_whole_side[1] or not all(at_rim):
-        return False
-    if not 3 <= width <= min(24, 0.4 * min(sides)) or differ[rows, cols].mean() < 0.75:
+    is_strip = is_whole_side[0] != is_whole_side[1] and all(at_rim) and 3 <= width <= min(24, 0.4 * min(sides))
+    if not is_strip or differ[rows, cols].mean() < 0.75:
         return False
     values = part.reshape(-1, part.shape[2])
-    first = np.abs(values - [median(channel) for channel in values.T]).max(axis=1) <= noise
+    first = _is_median(values, noise)
     return bool(first.mean() >= MIN_IN_REGION) or (bool(first.mean() >= 1 / 3) and _is_uniform(values[~first], noise))
 
 
 def _is_over_edges(region: Mask, template: Plane, noise: float) -> bool:
     """Return whether a small region is over edges of the template, or at its rim: a mark on plain ground is its own."""
-    rim = np.concatenate([region[[0, -1]].ravel(), region[:, [0, -1]].ravel()])
-    small = region.sum() * MIN_SIZE_RATIO <= region.size
-    return bool(small and (rim.any() or not _is_uniform(template[region], noise)))
+    is_small = region.sum() * MIN_SIZE_RATIO <= region.size
+    return bool(is_small) and (touches_rim(region) or not _is_uniform(template[region], noise))
 
 
 def _is_badge(region: Mask, image: Image, row: int, col: int, noise: float) -> bool:
     """Return whether a region is a part of a disc or a pill in the image, of one colour with something in it."""
     rows, cols = (at + corner for at, corner in zip(np.nonzero(region), (row, col), strict=True))
-    least, most = BADGE_HEIGHTS_PX
+    least, most = 8, 40  # heights of badges, px
     top, left = max(0, int(rows.min()) - most), max(0, int(cols.min()) - most)
     around = image[top : int(rows.max()) + most, left : int(cols.max()) + most]
     own = rows - top, cols - left
@@ -271,21 +278,17 @@ def _is_arrow(differ: Mask) -> bool:
     if height * width * MIN_SIZE_RATIO > differ.size:
         return False
     found, _ = cv2.findContours(differ[rows, cols].astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
-    filled = cv2.drawContours(np.zeros((height, width), np.uint8), found, -1, 1, -1) > 0
+    filled = cv2.drawContours(np.zeros((height, width), np.uint8), found, -1, 1, -1)
     for scale in (1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0):
         tall, wide = (math.ceil(scale * side) + 2 for side in ARROW[:, ::-1].max(axis=0))
         if abs(tall - height) > 2 + 0.1 * tall or abs(wide - width) > 2 + 0.1 * wide:
             continue
         corners = np.rint(16 * (ARROW * scale + 1)).astype(np.int32)
         arrow = cv2.fillPoly(np.zeros((max(tall, height), max(wide, width)), np.uint8), [corners], 1, cv2.LINE_8, 4)
-        shape = np.asarray(cv2.dilate(arrow, np.ones((3, 3), np.uint8)) > 0)
-        shifted = np.zeros_like(shape)
-        for down in range(shape.shape[0] - height + 1):
-            for right in range(shape.shape[1] - width + 1):
-                shifted[:] = False
-                shifted[down : down + height, right : right + width] = filled
-                if (shifted & shape).sum() >= 0.7 * (shifted | shape).sum():
-                    return True
+        shape = cv2.dilate(arrow, np.ones((3, 3), np.uint8))
+        shared = int(cv2.matchTemplate(shape, filled, cv2.TM_CCORR).max().round())  # pixels, at the best shift
+        if shared >= 0.7 * (int(filled.sum()) + int(shape.sum()) - shared):
+            return True
     return False
 
 
@@ -309,10 +312,12 @@ def _is_shadow(differ: Mask, template: Plane, observed: Plane) -> bool:
     light = template.min(axis=2) > 40  # in darker pixels the share cannot be measured
     shares = np.where(light[:, :, np.newaxis], observed / np.maximum(template, 1), 1)
     share, where = shares.mean(axis=2), differ & light
-    if where.sum() < MIN_IN_OUTLINE * differ.sum() or not 0.3 <= share[where].min() <= share[where].max() <= 1:
-        return False
-    has_colour, fades = np.ptp(shares[where], axis=1).max() > 0.08, np.ptp(share[where]) >= 0.05
-    if has_colour or not fades:
+    if (
+        where.sum() < MIN_IN_OUTLINE * differ.sum()
+        or not 0.3 <= share[where].min() <= share[where].max() <= 1
+        or np.ptp(shares[where], axis=1).max() > 0.08  # it has a colour
+        or np.ptp(share[where]) < 0.05  # it does not fade
+    ):
         return False
     steps = [
         np.abs(np.diff(share, axis=axis))[where[1:] & where[:-1] if axis == 0 else where[:, 1:] & where[:, :-1]]

@@ -162,14 +162,10 @@ def anchor_stages(image: Image, pattern: Pattern, row: int, col: int) -> AnchorS
     for end in (run_start, run_end):
         agrees = (image[rows + row, cols + end] == pattern.colours[row, end]).all(axis=1)
         rows, cols = rows[agrees], cols[agrees]
-    return AnchorStages((run_start, run_end), coloured, (rows, cols), _grid(rows, cols, places))
-
-
-def _grid(rows: Indices, cols: Indices, places: tuple[int, int]) -> tuple[Indices, Indices]:
-    """Return each position within a pixel of any of these, once; there are `places` down and across."""
-    near = np.zeros(places, dtype=np.uint8)
-    near[rows, cols] = 1
-    return _nonzero(cv2.dilate(near, np.ones((3, 3), dtype=np.uint8)))
+    marks[:] = 0
+    marks[rows, cols] = 1
+    scored = _nonzero(cv2.dilate(marks, np.ones((3, 3), dtype=np.uint8)))
+    return AnchorStages((run_start, run_end), coloured, (rows, cols), scored)
 
 
 def _nonzero(marks: npt.NDArray[Any]) -> tuple[Indices, Indices]:

@@ -210,7 +210,9 @@ class Fit:
         if light is not None and image.dtype == np.uint8 and self._keeps_white(pattern, mean, light):
             self.colour_change = 1.0
         if squares(self._residual()).max() >= NO_DIFFERENCE * self.variance:
-            self._tone_curves = self._fitted_tone_curves(robust_weights.astype(np.float64))
+            drawn, shown = (self._flat(plane).astype(np.float64).T for plane in (self.predicted, self.observed))
+            fit_tones = partial(_tone_curve, weights=robust_weights.astype(np.float64))
+            self._tone_curves = [*map(fit_tones, drawn, shown)]
             self.predicted = self._rendered(self.template)
         is_translucent = (self.template_weights[valid] < 1).any()
         behind = float(self._sharp_patch.var(axis=(0, 1)).sum()) if is_translucent else 0.0
@@ -223,8 +225,7 @@ class Fit:
         self._template_pixels = self._flat(self.template)
         flags = cv2.COVAR_NORMAL | cv2.COVAR_ROWS | cv2.COVAR_SCALE
         self._covariance = cv2.calcCovarMatrix(self._template_pixels, None, flags, ctype=cv2.CV_64F)[0]  # type: ignore[call-overload]
-        ones = np.ones(len(self._template_pixels))
-        self._terms = np.vstack([self._template_pixels.T, ones]).astype(np.float64)
+        self._terms = np.vstack([self._template_pixels.T, np.ones(len(self._template_pixels))]).astype(np.float64)
         # Where only a flat part of the template is inside the image, its level alone keeps the colour map solvable.
         level = float(np.square(self._template_pixels.mean(axis=0, dtype=np.float64)).sum())
         ridge = (1e-4 * float(self._covariance.trace()) + 1e-9 * level) or 1.0
@@ -389,8 +390,7 @@ class Fit:
 
     def pixels_of(self, blocks: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Return the mask of the pixels in some blocks."""
-        inside = cv2.resize(blocks.astype(np.uint8), self.shape[::-1], interpolation=cv2.INTER_NEAREST)
-        return np.asarray(inside > 0)
+        return np.asarray(cv2.resize(blocks.astype(np.uint8), self.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0)
 
     @property
     def judged(self) -> npt.NDArray[np.bool_]:
@@ -405,28 +405,6 @@ class Fit:
     def _flat(self, plane: Plane) -> Plane:
         """Return the valid pixels of a plane, one after another."""
         return np.asarray(plane.reshape(self.weights.size, *plane.shape[2:])[self._valid])
-
-    def _fitted_tone_curves(self, weights: Matrix) -> list[tuple[float, Matrix] | None]:
-        """Return for each channel the scale and polynomial that map predicted to observed tones; None unless it rises.
-
-        The gamma of a screen or camera is such a curve; differences between siblings are not.
-        """
-        curves: list[tuple[float, Matrix] | None] = []
-        predicted, observed = (self._flat(plane).astype(np.float64) for plane in (self.predicted, self.observed))
-        for channel, tones in enumerate(predicted.T):
-            scale = tones.std()
-            curves.append(None)
-            if not scale > 1e-4 * np.abs(tones).max():  # its powers cannot be told apart
-                continue
-            terms = np.vander(tones / scale, TONE_CURVE_DEGREE + 1)
-            weighted = terms * weights[:, np.newaxis]
-            ridge = 1e-6 * weights.sum() * np.eye(TONE_CURVE_DEGREE + 1)
-            curve = np.linalg.solve(terms.T @ weighted + ridge, weighted.T @ observed[:, channel])
-            steps = np.linspace(tones.min(), tones.max(), 17) / scale
-            slopes = np.diff(np.polyval(curve, steps))
-            if slopes.min() > MIN_SLOPE_RATIO * slopes.max():
-                curves[-1] = float(scale), curve
-        return curves
 
     def _rendered(self, plane: Plane) -> Plane:
         """Return colours of the template in the light of the place, 0 where the weight is 0."""
@@ -518,17 +496,15 @@ class Fit:
 
     def _with_parts_moved(self, blocks: npt.NDArray[np.bool_]) -> Plane:
         """Return the prediction, all of it moved by up to a pixel so that these blocks fit best."""
-        rows, cols = self.shape
         where = self.pixels_of(blocks) & self.judged
-        best, least = self.predicted, math.inf
-        for down, right in product(np.linspace(-1, 1, 9), repeat=2):
+
+        def moved(down: float, right: float) -> Plane:
             matrix = np.array([[1.0, 0.0, right], [0.0, 1.0, down]])
-            moved = cv2.warpAffine(self.predicted, matrix, (cols, rows), borderMode=cv2.BORDER_REPLICATE)
-            moved = np.asarray(moved, dtype=np.float32).reshape(self.predicted.shape)
-            error = float(np.square((self.observed - moved)[where]).sum())
-            if error < least:
-                best, least = moved, error
-        return best
+            plane = cv2.warpAffine(self.predicted, matrix, self.shape[::-1], borderMode=cv2.BORDER_REPLICATE)
+            return np.asarray(plane, dtype=np.float32).reshape(self.predicted.shape)
+
+        moves = (moved(*shift) for shift in product(np.linspace(-1, 1, 9), repeat=2))
+        return min(moves, key=lambda plane: float(np.square((self.observed - plane)[where]).sum()))
 
     def block_energies(self) -> Plane:
         """Return the energy of each block of the template about its own mean, 0 where few of its pixels are valid."""
@@ -565,6 +541,22 @@ def best_fit(
         return fit
     sharp = Fit(image, pattern, row, col, refine_pose, tolerance_px, sharp=True)
     return max(fit, sharp, key=lambda candidate: candidate.explained)
+
+
+def _tone_curve(predicted: Matrix, observed: Matrix, weights: Matrix) -> tuple[float, Matrix] | None:
+    """Return the scale and polynomial that map predicted to observed tones of a channel; None unless it rises.
+
+    The gamma of a screen or camera is such a curve; differences between siblings are not.
+    """
+    scale = float(predicted.std())
+    if not scale > 1e-4 * np.abs(predicted).max():  # its powers cannot be told apart
+        return None
+    terms = np.vander(predicted / scale, TONE_CURVE_DEGREE + 1)
+    weighted = terms * weights[:, np.newaxis]
+    ridge = 1e-6 * weights.sum() * np.eye(TONE_CURVE_DEGREE + 1)
+    curve = np.linalg.solve(terms.T @ weighted + ridge, weighted.T @ observed)
+    slopes = np.diff(np.polyval(curve, np.linspace(predicted.min(), predicted.max(), 17) / scale))
+    return (scale, curve) if slopes.min() > MIN_SLOPE_RATIO * slopes.max() else None
 
 
 def _colour_change(

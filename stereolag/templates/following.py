@@ -20,7 +20,7 @@ from stereolag.core.searches import TemplateQuery
 from stereolag.templates.exact_pixels import exact_positions
 from stereolag.templates.hidden_parts import hidden_places
 from stereolag.templates.identity import Identity, identity
-from stereolag.templates.patterns import Pattern, in_grey, pattern_of, reduced, warped
+from stereolag.templates.patterns import Pattern, in_grey, pattern_of, reduced, warped, without_rim
 from stereolag.templates.places import NOWHERE, Places, peaks, peaks_near
 from stereolag.templates.poses import Pose, PoseRange
 from stereolag.templates.score_maps import fft_score_map
@@ -134,6 +134,8 @@ class Follower:
         return followed
 
     def _by_pixels(self, frame: Image, query: TemplateQuery) -> Followed:
+        if not self._template.fits(frame):
+            return Followed("lost", None, None, near=False)
         places, _ = exact_positions(frame, self._template, query.min_score, None, silent)
         view = _View(frame, self._template, (1.0, 0.0), self._refuted)
         return view.judged(places, query.min_score, None if self._frames_lost else self._last)
@@ -169,7 +171,7 @@ class Follower:
             top, left = (max(0, math.floor(at - half)) for at in (last.row, last.col))
             frame = frame[top : math.ceil(last.row + half), left : math.ceil(last.col + half)]
         image = reduced(frame, factor) if factor > 1 else frame
-        if any(side > length for side, length in zip(pattern.shape, image.shape, strict=False)):
+        if not pattern.fits(image):
             return None
         down, across = (before / after for before, after in zip(frame.shape[:2], image.shape[:2], strict=True))
         return _View(image, pattern, (scale, rotation), self._refuted, (top, left), down, across)
@@ -182,12 +184,7 @@ def _posed(template: Pattern, scale: float, rotation: float) -> Pattern | None:
     pattern = warped(template, scale, rotation)
     if pattern is None or rotation:
         return pattern
-    rim = int((pattern.weights < 1).any())
-    inner = slice(rim, -rim or None)
-    try:
-        return pattern_of(pattern.colours[inner, inner], pattern.weights[inner, inner] > 0)
-    except ValueError:
-        return None
+    return without_rim(pattern, int((pattern.weights < 1).any()))
 
 
 def _searched_poses(query: TemplateQuery, shape: tuple[int, int]) -> list[tuple[float, float]]:
@@ -270,7 +267,7 @@ class _View:
         scores: list[float] = []
         best: float | None = None
         for index in islice(places.in_order(share=0.5, among=enough), MAX_COMPARED):
-            row, col, score = int(places.rows[index]), int(places.cols[index]), float(places.scores[index])
+            row, col, score = *places.corner(index), float(places.scores[index])
             best = score if best is None else best
             if any(before.shown.is_template for before in compared) and score < best - MAX_BELOW_BEST:
                 break
@@ -364,7 +361,7 @@ def _search_everywhere(view: _View, min_score: float) -> Followed:
     grey_image, grey = in_grey(image, pattern)
     coarse = reduced(grey_image, factor)
     small = _posed(grey, 1 / factor, 0.0)
-    if small is None or small.shape[0] > coarse.shape[0] or small.shape[1] > coarse.shape[1]:
+    if small is None or not small.fits(coarse):
         return Followed("lost", None, None, near=False)
     found = peaks(fft_score_map(coarse, small, silent), small.shape)
     down, across = image.shape[0] / coarse.shape[0], image.shape[1] / coarse.shape[1]

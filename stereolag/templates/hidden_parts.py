@@ -20,7 +20,7 @@ from stereolag.core.inputs import Image
 from stereolag.core.jobs import Progress
 from stereolag.loops.bands import in_threads
 from stereolag.loops.compilation import compiled
-from stereolag.templates.patterns import Pattern, blurred, in_grey, pattern_of, reduced, warped
+from stereolag.templates.patterns import Pattern, blurred, in_grey, pattern_of, reduced, warped, without_rim
 from stereolag.templates.places import NOWHERE, Places, peaks
 from stereolag.templates.score_maps import Plane, fft_score_map, scores_at
 
@@ -32,8 +32,8 @@ REDUCED_SIDE_PX = 36
 MIN_SIDE_PX = 20
 """Least side of a template: smaller blocks contain too little."""
 
-EQUALISED_ZERO = 128
-"""8-bit value of a pixel that is equal to the mean around it."""
+EQUALISED_ZERO = (128,) * 4
+"""8-bit values of the channels of a pixel that is equal to the mean around it."""
 
 MAX_CANDIDATES = 12
 """Places compared block by block, in the reduced image and then in the full one."""
@@ -88,9 +88,7 @@ def hidden_places(image: Image, pattern: Pattern, progress: Progress) -> Places:
         reduced_image = reduced(grey_image, factor)
     small = warped(grey, 1 / factor, 0.0)
     if small is not None and (grey.weights == 1).all():  # only the rim has lower weights
-        rim = int((small.weights == 0).any())  # without it, all weights are 1, and running sums suffice
-        inner = slice(rim, -rim or None)
-        small = pattern_of(small.colours[inner, inner], small.weights[inner, inner] > 0)
+        small = without_rim(small, int((small.weights == 0).any()))  # with all weights 1, running sums suffice
     if small is None or min(small.shape) < BLOCKS_PER_SIDE:
         return NOWHERE
     coarse, fine = _Blocks(small), _Blocks(pattern)
@@ -117,8 +115,6 @@ def hidden_places(image: Image, pattern: Pattern, progress: Progress) -> Places:
         lambda done: progress(0.6 + 0.4 * done),
     )
     found = [place for place in refined if place.agrees.mean() >= MIN_AGREEING and place.score >= MIN_SCORE]
-    if not found:
-        return NOWHERE
     rows, cols = (np.array([place[side] for place in found], dtype=np.intp) for side in range(2))
     scores = np.array([_visible_score(image, pattern, fine, place) for place in found])
     return Places(rows, cols, scores, pattern.shape)
@@ -148,8 +144,9 @@ class _Blocks:
     """
 
     def __init__(self, pattern: Pattern) -> None:
-        edges = [np.linspace(0, side, BLOCKS_PER_SIDE + 1).round() for side in pattern.shape]
-        self._edges = np.array(edges, dtype=np.int64)
+        self._edges = np.array(
+            [np.linspace(0, side, BLOCKS_PER_SIDE + 1).round() for side in pattern.shape], dtype=np.int64
+        )
         self._down, self._across = (
             np.repeat(np.eye(BLOCKS_PER_SIDE, dtype=np.float32), np.diff(ends), axis=1) for ends in self._edges
         )
@@ -253,8 +250,7 @@ def _candidates(image: Image, pattern: Pattern, progress: Progress) -> list[tupl
         plane[gaps] = 0
     known = np.asarray(~gaps, dtype=np.float32) if gaps is not None and gaps.any() else None
     equalised = _equalised(plane, known, least_contrast)
-    value = (EQUALISED_ZERO,) * 4
-    padded = cv2.copyMakeBorder(equalised, down, down, right, right, cv2.BORDER_CONSTANT, value=value)
+    padded = cv2.copyMakeBorder(equalised, down, down, right, right, cv2.BORDER_CONSTANT, value=EQUALISED_ZERO)
     try:
         weights = pattern.weights.astype(np.float32)
         small = pattern_of(_equalised(pattern.colours, weights, least_contrast), pattern.weights)
@@ -262,8 +258,7 @@ def _candidates(image: Image, pattern: Pattern, progress: Progress) -> list[tupl
         return []
     scores = fft_score_map(np.atleast_3d(padded), small, lambda done: progress(0.4 * done))
     found = peaks(scores, pattern.shape)
-    best = found.best(MAX_CANDIDATES, share=0.5)
-    return [(int(found.rows[place]) - down, int(found.cols[place]) - right) for place in best]
+    return [found.moved(-down, -right).corner(place) for place in found.best(MAX_CANDIDATES, share=0.5)]
 
 
 def _equalised(image: Image, weights: Plane | None, least_contrast: float) -> Image:
@@ -284,7 +279,7 @@ def _equalised(image: Image, weights: Plane | None, least_contrast: float) -> Im
     deviations *= np.divide(40, np.sqrt(squares, out=squares), out=squares)
     if factors is not None:
         deviations *= factors > 0
-    zero = np.array([EQUALISED_ZERO] * 4, dtype=np.float64)
+    zero = np.array(EQUALISED_ZERO, dtype=np.float64)
     return np.asarray(cv2.add(deviations, zero, dtype=cv2.CV_8U)).reshape(image.shape)
 
 

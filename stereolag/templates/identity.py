@@ -18,7 +18,7 @@ import numpy.typing as npt
 from stereolag.core.arrays import Mask, median, percentiles
 from stereolag.core.inputs import Image
 from stereolag.templates.aligning import Plane, gradient
-from stereolag.templates.drawn_over import drawn_over, has_outline, is_gone, without_gaps
+from stereolag.templates.drawn_over import drawn_over, has_outline, is_gone, touches_rim, without_gaps
 from stereolag.templates.fits import (
     MIN_BLOCK_DIFFERENCE,
     MIN_JUDGED_SHARE,
@@ -194,8 +194,8 @@ def identity(
     if kind in ("differs", "not_there") and resized is not None and fit.colour_change < MIN_COLOUR_CHANGE:
         redrawn = redrawing(image, resized[0], row, col, resized[1])
         if redrawn is not None:
-            kind, contrast = _kind_by_contrast(redrawn.contrast), redrawn.contrast
-            shown = _rounded(kind, contrast, redrawn.gain, redrawn.explained, np.ones_like(agrees))
+            kind = _kind_by_contrast(redrawn.contrast)
+            shown = _rounded(kind, redrawn.contrast, redrawn.gain, redrawn.explained, np.ones_like(agrees))
             return replace(shown, redrawing=redrawn)
     shown = _rounded(kind, fit.contrast, fit.gain, fit.explained, agrees)
     detail = fit.explained_detail if shown.is_template and fit.is_opaque else 1.0
@@ -415,13 +415,13 @@ def _is_occluded(fit: Fit, disagrees: npt.NDArray[np.bool_], energies: Plane) ->
         return False
     hidden = occluder & judged
     visible = float((energies * (1 - block_means(occluder, energies.shape))).sum() / max(energies.sum(), 1e-12))
-    is_one_occluder = (
+    return (
         COVERED_SHARES[0] <= hidden.sum() / judged.sum() <= COVERED_SHARES[1]
-        and differ[hidden].mean() >= MIN_OCCLUDER_DIFFERING
-        and (differ & occluder).sum() / differ.sum() >= MIN_DIFFERING_IN_OCCLUDER
+        and bool(differ[hidden].mean() >= MIN_OCCLUDER_DIFFERING)
+        and bool((differ & occluder).sum() / differ.sum() >= MIN_DIFFERING_IN_OCCLUDER)
+        and visible >= MIN_VISIBLE_COVERED
+        and not _is_in_another_state(fit, disagrees, occluder & differ)
     )
-    is_visible = visible >= MIN_VISIBLE_COVERED
-    return bool(is_one_occluder and is_visible) and not _is_in_another_state(fit, disagrees, occluder & differ)
 
 
 def _is_occluded_from_rim(fit: Fit, disagrees: npt.NDArray[np.bool_]) -> bool:
@@ -431,10 +431,11 @@ def _is_occluded_from_rim(fit: Fit, disagrees: npt.NDArray[np.bool_]) -> bool:
         return False
     _, labels, stats, _ = cv2.connectedComponentsWithStats(disagrees.astype(np.uint8), connectivity=4)
     region = labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
-    rim = region[0].any() or region[-1].any() or region[:, 0].any() or region[:, -1].any()
-    if not rim or region.sum() < 0.8 * disagrees.sum():
-        return False
-    if fit.explained_in(~disagrees) < MIN_EXPLAINED_BESIDE and fit.grain_in(~disagrees) < MIN_GRAIN:
+    if (
+        not touches_rim(region)
+        or region.sum() < 0.8 * disagrees.sum()
+        or (fit.explained_in(~disagrees) < MIN_EXPLAINED_BESIDE and fit.grain_in(~disagrees) < MIN_GRAIN)
+    ):
         return False
     judged, square = fit.judged, np.ones((3, 3), np.uint8)
     inner = cv2.erode(judged.astype(np.uint8), square, borderType=cv2.BORDER_CONSTANT, borderValue=0)
@@ -444,8 +445,9 @@ def _is_occluded_from_rim(fit: Fit, disagrees: npt.NDArray[np.bool_]) -> bool:
     if not at_rim.size or at_rim.mean() < MIN_NOISY_AT_RIM:
         return False
     differ = fit.squared_differences()[inside & judged] > 0.02 * fit.variance
-    is_filled = bool(differ.mean() >= MIN_NOISY_DIFFERING)
-    return is_filled and not _is_in_another_state(fit, disagrees, inside & differ_sharply)
+    return bool(differ.mean() >= MIN_NOISY_DIFFERING) and not _is_in_another_state(
+        fit, disagrees, inside & differ_sharply
+    )
 
 
 def _is_in_another_state(fit: Fit, disagrees: npt.NDArray[np.bool_], differ: Mask) -> bool:

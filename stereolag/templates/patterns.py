@@ -73,6 +73,10 @@ class Pattern:
         """Root of the weighted sum of squared deviations."""
         return float(np.sqrt((self.weights * np.square(self.deviations)).sum()))
 
+    def fits(self, image: Image) -> bool:
+        """Return whether the template is no larger than an image."""
+        return all(side <= length for side, length in zip(self.shape, image.shape, strict=False))
+
     def mirrored(self) -> Pattern:
         """Return the mirror image, left and right exchanged."""
         colours, weights = (np.ascontiguousarray(side[:, ::-1]) for side in (self.colours, self.weights))
@@ -285,6 +289,15 @@ def warped(pattern: Pattern, scale: float, rotation: float) -> Pattern | None:
         return None
 
 
+def without_rim(pattern: Pattern, rim: int) -> Pattern | None:
+    """Return a template without `rim` px on each side and with weights of 0 and 1 alone; None if it is constant."""
+    inner = slice(rim, -rim or None)
+    try:
+        return pattern_of(pattern.colours[inner, inner], pattern.weights[inner, inner] > 0)
+    except ValueError:
+        return None
+
+
 def warped_shape(shape: tuple[int, int], scale: float, rotation: float) -> tuple[int, int]:
     """Return height and width, px, of the upright box around a resized and rotated rectangle."""
     height, width = shape
@@ -305,8 +318,7 @@ def blurred(
     plane: npt.NDArray[np.floating[Any]], sigma: float, border: int, size: tuple[int, int] = (0, 0)
 ) -> npt.NDArray[np.float32]:
     """Return a plane or an image blurred by a Gaussian; `size`: of its kernel, by default from sigma."""
-    soft = cv2.GaussianBlur(plane, size, sigma, borderType=border)
-    return np.asarray(soft, dtype=np.float32).reshape(plane.shape)
+    return np.asarray(cv2.GaussianBlur(plane, size, sigma, borderType=border), dtype=np.float32).reshape(plane.shape)
 
 
 def reduced(image: Image, factor: float) -> Image:

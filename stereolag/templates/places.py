@@ -94,6 +94,10 @@ class Places:
         """Return positions found in a part of an image as positions in the image; the part begins at (down, right)."""
         return Places(self.rows + down, self.cols + right, self.scores, self.shape)
 
+    def corner(self, index: int) -> tuple[int, int]:
+        """Return the row and column of the top-left pixel at a position."""
+        return int(self.rows[index]), int(self.cols[index])
+
     def pose(self, index: int) -> tuple[float, float]:
         """Return the scale and rotation at a position."""
         return (1.0, 0.0) if self.poses is None else self.poses[index]
@@ -180,7 +184,7 @@ def peaks_near(image: Image, pattern: Pattern, row: int, col: int, reach: tuple[
     """Return the peaks among the positions in the image up to `reach` px (down, across) from (row, col)."""
     (height, width), (top, left) = pattern.shape, (max(0, row - reach[0]), max(0, col - reach[1]))
     around = np.ascontiguousarray(image[top : row + height + reach[0], left : col + width + reach[1]])
-    if around.shape[0] < height or around.shape[1] < width:
+    if not pattern.fits(around):
         return NOWHERE
     return peaks(fft_score_map(around, pattern, silent), pattern.shape).moved(top, left)
 

@@ -33,9 +33,6 @@ ROTATION_STEP = 15.0
 COARSE_SIDE_PX = 14
 """Side of the smallest template, the root of its area, in the reduced image."""
 
-SCALE_LIMITS = 0.1, 10.0
-ROTATION_LIMITS = -180.0, 180.0
-
 
 @dataclass(frozen=True)
 class PoseRange:
@@ -97,8 +94,8 @@ def checked_poses(method: str, scales: Range | None, rotations: Range | None) ->
     if method != "fft":
         raise ValueError(f"method is {method!r}; sizes and angles are searched by 'fft' alone.")
     return PoseRange(
-        _checked_range(scales, "scales", SCALE_LIMITS, 1.0),
-        _checked_range(rotations, "rotations", ROTATION_LIMITS, 0.0),
+        _checked_range(scales, "scales", (0.1, 10.0), 1.0),
+        _checked_range(rotations, "rotations", (-180.0, 180.0), 0.0),
     )
 
 
@@ -194,9 +191,8 @@ def posed_places(image: Image, pattern: Pattern, poses: PoseRange, progress: Pro
     finest = max(1.0, math.sqrt(pattern.shape[0] * pattern.shape[1]) / FINE_SIDE_PX)
     between = max(finest, factor / 2)
     steps = 0.5 * math.log(SCALE_STEP), 0.5 * rotation_step(pattern.shape)
-    level = _Level(reduced(image, between), image.shape, pattern, poses) if between > 1 else None
-    fine = _Level(reduced(image, finest) if finest > 1 else image, image.shape, pattern, poses)
-    first = level or fine
+    fine = _Level(image, finest, pattern, poses)
+    first = _Level(image, between, pattern, poses) if between > 1 else fine
     share = (1 - COARSE_TIME_SHARE) / 2
     refined: list[Pose] = []
     for start in range(0, len(coarse), REFINED_AT_ONCE):
@@ -216,16 +212,14 @@ def posed_places(image: Image, pattern: Pattern, poses: PoseRange, progress: Pro
     if poses.rotations == (0.0, 0.0) and not pattern.silhouette and (pattern.weights == 1).all():
         places += _redrawn([pose for pose in best if pose.score < MIN_COPY_SCORE], image, pattern, poses)
     scored = (len(refined) + HALVINGS * len(kept)) * POSITIONS_PER_REFINEMENT
-    apart = _apart(places, image.shape, pattern, MAX_OVERLAP)
-    return _as_places(apart, image.shape, pattern), candidates + scored
+    return _as_places(_apart(places, image.shape, pattern, MAX_OVERLAP), image.shape, pattern), candidates + scored
 
 
 def _redrawn(given: list[Pose], image: Image, pattern: Pattern, poses: PoseRange) -> list[Pose]:
     """Return the given poses where the template may be drawn anew, with its size there."""
     corners = _as_places(given, image.shape, pattern)
     jobs = [
-        partial(redrawn_place, image, pattern, int(corners.rows[number]), int(corners.cols[number]), pose.scale)
-        for number, pose in enumerate(given)
+        partial(redrawn_place, image, pattern, *corners.corner(number), pose.scale) for number, pose in enumerate(given)
     ]
     return [
         Pose(row, col, poses.within(size, 0.0)[0], 0.0, score)
@@ -243,7 +237,7 @@ def _coarse_search(
 
     def search(scale: float, rotation: float) -> tuple[list[Pose], int]:
         small = warped(grey, scale / factor, rotation)
-        if small is None or small.shape[0] > coarse.shape[0] or small.shape[1] > coarse.shape[1]:
+        if small is None or not small.fits(coarse):
             return [], 0
         score_map = fft_score_map(coarse, small, silent)
         found = peaks(score_map, small.shape)
@@ -267,13 +261,15 @@ def _coarse_search(
 
 
 class _Level:
-    """The image at one resolution, in which poses are refined."""
+    """The image reduced by a factor, in which poses are refined."""
 
-    def __init__(self, image: Image, full: tuple[int, ...], pattern: Pattern, poses: PoseRange) -> None:
-        self._image = image
+    def __init__(self, image: Image, factor: float, pattern: Pattern, poses: PoseRange) -> None:
+        self._image = reduced(image, factor) if factor > 1 else image
         self._warped = lru_cache(max(1, MAX_CACHED_VALUES // pattern.colours.size))(partial(warped, pattern))
         self._poses = poses
-        self._down, self._across = full[0] / image.shape[0], full[1] / image.shape[1]
+        self._down, self._across = (
+            before / after for before, after in zip(image.shape[:2], self._image.shape[:2], strict=True)
+        )
 
     def refined(self, pose: Pose, log_scale: float, rotation: float, reach: int) -> Pose:
         """Return the best of the poses at most one step of size and angle away, within `reach` px."""

@@ -236,8 +236,6 @@ def _best_stretch(
             for step in steps
         }
         for height, width in sorted(shapes):
-            if height > observed.shape[0] or width > observed.shape[1]:
-                continue
             scores = cv2.matchTemplate(observed, cv2.resize(drawn, (width, height)), cv2.TM_CCOEFF_NORMED)
             _, score, _, (left, top) = cv2.minMaxLoc(scores)
             best = max(best, (score, height, width, top, left))
@@ -343,9 +341,8 @@ def _size_by_ink(template: Plane, observed: Plane) -> float | None:
 
 def _sampled(plane: Plane, rows: Plane, cols: Plane) -> Plane:
     """Return a plane interpolated at fractional rows and columns."""
-    across, down = np.meshgrid(cols, rows)
-    at = np.asarray(across, dtype=np.float32), np.asarray(down, dtype=np.float32)
-    sampled = cv2.remap(plane, at[0], at[1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    across, down = np.meshgrid(cols.astype(np.float32), rows.astype(np.float32))
+    sampled = cv2.remap(plane, across, down, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(sampled, dtype=np.float32).reshape(*across.shape, -1)
 
 

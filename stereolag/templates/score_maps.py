@@ -33,12 +33,6 @@ STRIP_PLACES = 28_000
 """Places of a map computed at a time, so that their values stay in the cache."""
 
 
-def strips(shape: tuple[int, ...]) -> list[slice]:
-    """Return the rows of a map of that shape in strips."""
-    rows, step = shape[0], max(1, STRIP_PLACES // shape[1])
-    return [slice(first, min(first + step, rows)) for first in range(0, rows, step)]
-
-
 class Memory(threading.local):
     """Memory for the planes of a tile, kept and reused by each thread: new memory is slow at first."""
 
@@ -73,7 +67,8 @@ def pearson(products: Plane, energy: Plane, tolerance: float, out: ScoreMap | No
         Memory for the scores.
     """
     scores = np.empty(products.shape, dtype=np.float32) if out is None else out
-    for rows in strips(scores.shape):
+    step = max(1, STRIP_PLACES // scores.shape[1])
+    for rows in (slice(first, first + step) for first in range(0, len(scores), step)):
         strip, factors = scores[rows], energy[rows].astype(products.dtype)
         has_flat = factors.min() <= tolerance
         if has_flat:

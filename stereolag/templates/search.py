@@ -143,8 +143,7 @@ def _tile_amounts(
     points = math.prod(transformed)
     # The channels, their spectra unless OpenCV makes them, and the products of one channel and of all; with a mask also
     # the squares and their spectrum, the energy and the sums of windows.
-    plane = (down + height - 1) * (across + width - 1)
-    planes = (channels + masked) * plane
+    planes = (channels + masked) * (down + height - 1) * (across + width - 1)
     work = (channels * (not single) + min(channels, 2) + 3 * masked) * points
     if single:  # OpenCV's own transforms of blocks of the tile, in double precision whatever it is given
         blocks = (min(max(9 * side // 2, 256), length) + side for side, length in ((height, down), (width, across)))
@@ -258,8 +257,8 @@ def match_template(
     judge = partial(judged, image=searched, pattern=pattern, max_matches=max_matches, min_score=min_score)
     search = judge(places, score_map=score_map, candidates=candidates)
     if search_hidden and not search.found:
-        hidden = hidden_places(searched, pattern, second)
-        search = judge(hidden, score_map=score_map, candidates=candidates, otherwise=search)
+        places = hidden_places(searched, pattern, second)
+        search = judge(places, score_map=score_map, candidates=candidates, otherwise=search)
     report(1.0)
     gaps = with_gaps(searched, pattern.shape)
     left_out = 0.0 if gaps is None or not gaps.size else float(gaps.mean())
@@ -300,15 +299,15 @@ def _checked(
         template, mask = given[:, :, 0], given[:, :, 1] if mask is None else mask
     large, small = as_images(image, template, ("image", "template"), gaps=True)
     check_fits(large, small, 1.0 if poses is None else poses.scales[0])
-    needed = estimate_search(
-        large.shape,
-        small.shape,
-        dtype=large.dtype,
-        method=method,
-        masked=mask is not None or has_alpha(small.shape),
-        scales=None if poses is None else poses.scales,
-        rotations=None if poses is None else poses.rotations,
+    check_memory(
+        estimate_search(
+            large.shape,
+            small.shape,
+            dtype=large.dtype,
+            method=method,
+            masked=mask is not None or has_alpha(small.shape),
+            scales=None if poses is None else poses.scales,
+            rotations=None if poses is None else poses.rotations,
+        )
     )
-    check_memory(needed)
-    marks = None if mask is None else as_image(mask, "mask")
-    return prepared(large, small, marks, exact=method == "sampled")
+    return prepared(large, small, None if mask is None else as_image(mask, "mask"), exact=method == "sampled")

@@ -109,7 +109,7 @@ class BackgroundBleed:
         outside = cv2.erode((self._alpha == 0).astype(np.float32), np.ones((3, 3), np.uint8))
         outside = np.asarray(outside, dtype=np.float32)[:, :, np.newaxis]
         soft = self._blurred(surroundings * outside, PATCH_MARGIN_PX / 2)
-        soft = np.asarray(soft / np.maximum(self._blurred(outside, PATCH_MARGIN_PX / 2), 1e-6))
+        soft /= np.maximum(self._blurred(outside, PATCH_MARGIN_PX / 2), 1e-6)
         background = self._cropped(soft)
         changes = [blur((background - drawn) * share[:, :, np.newaxis]) for share in self._shares]
         best = np.zeros_like(residual)

@@ -123,9 +123,8 @@ def degraded_part(
     rows = pixels_around(row + height // 2, high, image.shape[0])
     cols = pixels_around(col + width // 2, wide, image.shape[1])
     inside = row - rows.start, col - cols.start
-    if degradation.turn == 0 and degradation.resize == 1:
-        part = colours[rows, cols]
-    else:
+    part = colours[rows, cols]
+    if degradation.turn or degradation.resize != 1:
         part = _warped(colours, rows, cols, (row + (height - 1) / 2, col + (width - 1) / 2), degradation)
     return DegradedPart(
         _altered(part, inside, shape, grey_level(colours, colours), degradation), rows.start, cols.start, *inside
@@ -264,11 +263,10 @@ def opencv_search(image: npt.ArrayLike, template: npt.ArrayLike, *, mask: npt.Ar
     scores = np.asarray(cv2.matchTemplate(given, looked_for, cv2.TM_CCOEFF_NORMED, mask=marks), dtype=np.float32)
     elapsed_s = time.perf_counter() - started
     defined = np.isfinite(scores)
-    undefined = int(scores.size - np.count_nonzero(defined))
-    if undefined == scores.size:
+    undefined = int(np.count_nonzero(~defined))
+    if not defined.any():
         return OpenCVSearch(-1, -1, float("nan"), undefined, scores, elapsed_s)
-    best = int(np.argmax(np.where(defined, scores, -np.inf)))
-    row, col = divmod(best, scores.shape[1])
+    row, col = divmod(int(np.argmax(np.where(defined, scores, -np.inf))), scores.shape[1])
     return OpenCVSearch(row, col, float(scores[row, col]), undefined, scores, elapsed_s)
 
 
@@ -329,28 +327,25 @@ def try_methods(
 
     def judged(method: TrialMethod) -> Trial:
         try:
-            row, col, score, elapsed_s = _best_place(method, image, template, mask, min_score)
+            best, elapsed_s = _best_place(method, image, template, mask, min_score)
         except ValueError as error:
             return Trial(method, "refused", None, None, math.nan, 0.0, str(error))
-        if row is None or col is None or not score >= min_score:
-            return Trial(method, "missed", row, col, score, elapsed_s)
-        near = math.hypot(row - place[0], col - place[1]) <= tolerance
-        return Trial(method, "right" if near else "elsewhere", row, col, score, elapsed_s)
+        if best is None:
+            return Trial(method, "missed", None, None, math.nan, elapsed_s)
+        near = math.hypot(best.row - place[0], best.col - place[1]) <= tolerance
+        outcome: Outcome = "missed" if best.score < min_score else "right" if near else "elsewhere"
+        return Trial(method, outcome, best.row, best.col, best.score, elapsed_s)
 
     return tuple(judged(method) for method in get_args(TrialMethod))
 
 
 def _best_place(
     method: TrialMethod, image: Image, template: Image, mask: Image | None, min_score: float
-) -> tuple[int | None, int | None, float, float]:
-    """Return row, column, score and seconds of the best place; None and NaN if no place has a score."""
+) -> tuple[OpenCVSearch | TemplateMatch | None, float]:
+    """Return the best place, None if no place has a score, and the seconds that the search took."""
     if method == "opencv":
         theirs = opencv_search(image, template, mask=mask)
-        place: OpenCVSearch | TemplateMatch | None = theirs if theirs.row >= 0 else None
-        elapsed_s = theirs.elapsed_s
-    else:
-        result = match_template(image, template, method=method, mask=mask, min_score=min_score, seed=0)
-        # "sampled" scores few places: below `min_score`, the best of them is no answer.
-        place = result.best if method == "fft" else next(iter(result.matches), None)
-        elapsed_s = result.elapsed_s
-    return (None, None, math.nan, elapsed_s) if place is None else (place.row, place.col, place.score, elapsed_s)
+        return theirs if theirs.row >= 0 else None, theirs.elapsed_s
+    result = match_template(image, template, method=method, mask=mask, min_score=min_score, seed=0)
+    # "sampled" scores few places: below `min_score`, the best of them is no answer.
+    return result.best if method == "fft" else next(iter(result.matches), None), result.elapsed_s

@@ -271,8 +271,8 @@ def reliable(copies: list[tuple[int, Identity]], most: int) -> list[int]:
     if whole:
         # A shape of fewer strokes has another contrast too: only the template's own contrast outweighs the fit.
         own = [shown.contrast for _, shown in whole if shown.kind == "same"]
-        best = max((shown for _, shown in whole), key=lambda shown: shown.explained)
-        nearest = min(own or [best.contrast], key=lambda contrast: abs(math.log(contrast)))
+        best = max((shown for _, shown in whole), key=lambda shown: shown.explained).contrast
+        nearest = min(own, key=lambda contrast: abs(math.log(contrast)), default=best)
         limits = nearest / CONTRAST_TOLERANCE, nearest * CONTRAST_TOLERANCE
         similar = [place for place, shown in whole if limits[0] <= shown.contrast <= limits[1]]
     else:
@@ -305,9 +305,8 @@ def _reason(
         return "clear" if found else "look_alikes"
     if kind in ("differs", "not_there") and compared.is_mirrored(kept[0]):
         return "mirrored"
-    if kind == "not_there" and rivals:
-        score, rival = (float(compared.places.scores[place]) for place in (kept[0], rivals[0]))
-        return kind if leads(score, rival) else "look_alikes"
+    if kind == "not_there" and rivals and not leads(compared.score(kept[0]), compared.score(rivals[0])):
+        return "look_alikes"
     return kind
 
 
@@ -320,17 +319,19 @@ class _ComparedPlaces:
         self._pattern = pattern
         self._identities: dict[int, Identity] = {}
 
+    def score(self, index: int) -> float:
+        """Return the score of a place."""
+        return float(self.places.scores[index])
+
     def identity(self, index: int) -> Identity:
         """Return the identity of a place."""
         if index not in self._identities:
-            row, col = int(self.places.rows[index]), int(self.places.cols[index])
             scale, rotation = self.places.pose(index)
             may_be_redrawn = rotation == 0 and scale != 1 and bool((self._pattern.weights == 1).all())
             self._identities[index] = identity(
                 self._image,
                 self._posed(index),
-                row,
-                col,
+                *self.places.corner(index),
                 refine_pose=self.places.poses is not None,
                 resized=(self._pattern, scale) if may_be_redrawn else None,
             )
@@ -339,17 +340,18 @@ class _ComparedPlaces:
     def is_mirrored(self, index: int) -> bool:
         """Return whether a place shows the mirror image of the template, moved by up to a quarter of its side."""
         pattern = self._posed(index).mirrored()
-        row, col = int(self.places.rows[index]), int(self.places.cols[index])
-        near = peaks_near(self._image, pattern, row, col, (pattern.shape[0] // 4, pattern.shape[1] // 4))
-        corners = [(int(near.rows[place]), int(near.cols[place])) for place in near.best(1)]
-        refine_pose = self.places.poses is not None
-        return any(identity(self._image, pattern, *corner, refine_pose=refine_pose).is_template for corner in corners)
+        reach = pattern.shape[0] // 4, pattern.shape[1] // 4
+        near = peaks_near(self._image, pattern, *self.places.corner(index), reach)
+        return any(
+            identity(self._image, pattern, *near.corner(best), refine_pose=self.places.poses is not None).is_template
+            for best in near.best(1)
+        )
 
     def match(self, index: int) -> TemplateMatch:
         """Return a place as a match, with its identity if that was determined."""
         (height, width), (scale, rotation) = self.places.box(index), self.places.pose(index)
-        row, col = int(self.places.rows[index]), int(self.places.cols[index])
-        match = TemplateMatch(row, col, height, width, float(self.places.scores[index]), scale, rotation)
+        row, col = self.places.corner(index)
+        match = TemplateMatch(row, col, height, width, self.score(index), scale, rotation)
         shown = self._identities.get(index)
         if shown is None:
             return match

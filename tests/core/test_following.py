@@ -10,7 +10,7 @@ import pytest
 from moving_patch import AWAY, COVERED, PARTLY, Picture, frames, on, sign
 from pairs import texture
 
-from stereolag.core.searches import TemplateQuery
+from stereolag.core.searches import TemplateMethod, TemplateQuery
 from stereolag.templates.following import Followed, Follower
 
 SIDE = 40
@@ -108,3 +108,10 @@ def test_sampled_compares_exact_pixels() -> None:
     follower = cut(frame.picture, frame.middle)
     assert follower.follow(frame.picture, TemplateQuery(method="sampled")).state == "found"
     assert follower.follow(photographed(frame.picture), TemplateQuery(method="sampled")).state == "lost"
+
+
+@pytest.mark.parametrize("method", ("fft", "sampled"))
+def test_in_a_frame_smaller_than_the_template_it_is_lost(method: TemplateMethod) -> None:
+    first = next(frames(1))
+    follower = cut(first.picture, first.middle)
+    assert follower.follow(ground()[: SIDE - 1], TemplateQuery(method=method)).state == "lost"

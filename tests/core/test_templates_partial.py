@@ -176,3 +176,11 @@ def test_another_shape_of_the_same_outline_is_not_found(seed: int) -> None:
         sprites.append(np.dstack([white, np.rint(255 * alpha)]).astype(np.uint8))
     assert match_template(shown(photograph(seed), sprites[0], 70, 100), sprites[0]).found
     assert not match_template(shown(photograph(seed), sprites[1], 70, 100), sprites[0]).found
+
+
+@pytest.mark.parametrize("side", (43, 133))
+def test_a_template_that_is_flat_but_for_its_rim_is_searched_for_hidden_parts_too(side: int) -> None:
+    picture = np.random.default_rng(0).integers(0, 255, (200, 200), dtype=np.uint8)
+    template = np.full((side, side + 7), 100, dtype=np.uint8)
+    template[0, 0] = 255
+    assert match_template(picture, template).reason == "low_score"
