@@ -298,7 +298,7 @@ def judge(recordings: Recordings, found: FoundLag, reach: int, *, fixed: bool) -
         return LagJudgement(
             "nothing", "too_little", own, evidence=0.0, needed=needed, height=height, chance=chance, ribbon=ribbon
         )
-    best = _best(recordings, found, first, last)
+    best = _best(recordings, found, range(first, last + 1))
     opposite = None
     if best.score <= 1 or best.prefers_opposite or best.evidence.prefers_opposite(best.peaks[0]):
         opposite = _opposite(recordings, found, first, last, best)
@@ -359,14 +359,13 @@ def _judged_whole(recordings: Recordings) -> bool:
     return held and sum(recording.size for recording in recordings) <= MAX_JUDGED_WHOLE
 
 
-def _best(recordings: Recordings, found: FoundLag, first: int, last: int) -> _Alignment:
+def _best(recordings: Recordings, found: FoundLag, searched: range) -> _Alignment:
     """Return the alignment with the most evidence, of those at the candidate lags and at their lags over time."""
-    searched = last - first + 1
     if not _judged_whole(recordings):
         return _best_by_sections(recordings, found, searched)
     samples_1, samples_2 = (standardised(recording.part(0, recording.size)) for recording in recordings)
     held = HeldRecording(samples_1), HeldRecording(samples_2)
-    straight = Evidence(samples_1, samples_2, first, last, searched)
+    straight = Evidence(samples_1, samples_2, searched[0], searched[-1], len(searched))
     best = _Alignment(straight, straight.peaks((found.lag,)))
     prefers_opposite = straight.prefers_opposite(best.peaks[0])
     followed: list[float] = []
@@ -389,8 +388,10 @@ def _best(recordings: Recordings, found: FoundLag, first: int, last: int) -> _Al
             if best.over_time is None and best.is_at(over_time.middle):
                 best = replace(best, over_time=over_time)
             continue
-        alignment = _aligned_by(over_time, samples_1, samples_2, searched)
-        if not _justifies_steps(alignment, over_time, searched, samples_1.size):
+        alignment = _aligned_by(over_time, samples_1, samples_2, len(searched))
+        if round(alignment.lag) not in searched:
+            continue
+        if not _justifies_steps(alignment, over_time, len(searched), samples_1.size):
             continue
         same = best.score > 1 and abs(best.lag - lag) <= max(48, 1.5 * reach) and over_time.changes
         # Undoing a real change of the lag raises the peak over the whole curve too, not only over its surroundings.
@@ -400,7 +401,7 @@ def _best(recordings: Recordings, found: FoundLag, first: int, last: int) -> _Al
     return replace(best, prefers_opposite=prefers_opposite)
 
 
-def _best_by_sections(recordings: Recordings, found: FoundLag, searched: int) -> _Alignment:
+def _best_by_sections(recordings: Recordings, found: FoundLag, searched: range) -> _Alignment:
     """Return the alignment of long recordings with the most evidence, at the lag found or another high point."""
     alignments = [_by_sections(recordings, lag, searched) for lag in (found.lag, *_high_lags(found, recordings))]
     best = max(alignments, key=lambda alignment: alignment.score)
@@ -420,10 +421,10 @@ def _aligned_by(over_time: LagOverTime, samples_1: Samples, samples_2: Samples, 
     return _Alignment(evidence, peaks, over_time.middle, over_time.shifted(peaks[0].lag) if near else None)
 
 
-def _by_sections(recordings: Recordings, lag: int, searched: int, *, may_change: bool = True) -> _Alignment:
+def _by_sections(recordings: Recordings, lag: int, searched: range, *, may_change: bool = True) -> _Alignment:
     """Return the alignment of long recordings at a lag, by sections of them, joined.
 
-    With `may_change`, the lag is followed over time.
+    With `may_change`, the lag is followed over time, as far as it stays among those searched.
     """
     common = overlap_slices(recordings[0].size, recordings[1].size, lag)[0]
     over_time = follow_lag(*recordings, lag) if may_change else None
@@ -446,12 +447,14 @@ def _by_sections(recordings: Recordings, lag: int, searched: int, *, may_change:
         parts.append((faded(recordings[0].part(start, start + size)), faded(part)))
     samples_1, samples_2 = (standardised(np.concatenate(each)) for each in zip(*parts, strict=True))
     reach = min(_SECTION_REACH, samples_1.size - 1)
-    evidence = Evidence(samples_1, samples_2, -reach, reach, searched)
+    evidence = Evidence(samples_1, samples_2, -reach, reach, len(searched))
+    base = line.middle if line is over_time else lag
     peaks = evidence.peaks((0.0,))
+    peaks = [peak for peak in peaks if round(base + peak.lag) in searched] or peaks
     if line is not over_time:
         return _Alignment(evidence, peaks, lag, over_time)
     found = _Alignment(evidence, peaks, line.middle, line.shifted(peaks[0].lag))
-    if not _justifies_steps(found, line, searched, recordings[0].size):
+    if round(found.lag) not in searched or not _justifies_steps(found, line, len(searched), recordings[0].size):
         return _by_sections(recordings, lag, searched, may_change=False)
     return found
 
@@ -486,7 +489,7 @@ def _opposite(recordings: Recordings, found: FoundLag, first: int, last: int, be
             lag = int(found.lags[np.argmin(found.correlation)])
         if lag is None:
             return None
-        inverted = _by_sections((recordings[0], Inverted(recordings[1])), lag, searched)
+        inverted = _by_sections((recordings[0], Inverted(recordings[1])), lag, range(first, last + 1))
     else:
         samples_1, samples_2 = (standardised(recording.part(0, recording.size)) for recording in recordings)
         evidence = Evidence(samples_1, -samples_2, first, last, searched)

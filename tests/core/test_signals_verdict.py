@@ -378,6 +378,18 @@ def test_an_excerpt_of_a_long_recording_is_judged_by_as_many_sections_as_it_has(
     assert signal_lag(sound, np.random.default_rng(0).normal(size=length), max_lag=1000).verdict == "nothing"
 
 
+@pytest.mark.parametrize(("size", "jump_at"), [(270_000, None), (60_000, None), (60_000, 15_000), (270_000, 60_000)])
+def test_no_lag_beyond_the_largest_is_reported(size: int, jump_at: int | None) -> None:
+    """Evidence is gathered by following a lag, and by sections around it, which both reach farther."""
+    sound = np.random.default_rng(size).normal(size=size + 2000)
+    second = sound[2000 - 1008 : -1008]
+    if jump_at is not None:
+        second = np.concatenate([sound[2000 - 300 : 2000 - 300 + jump_at], second[jump_at:]])
+    result = signal_lag(sound[2000:], second, max_lag=500)
+    assert abs(result.lag) <= 500
+    assert result.verdict == "nothing" if jump_at is None else result.lag == 300
+
+
 @given(size=st.integers(2, 80), first=st.floats(-5, 60), step=st.floats(0.9, 1.1), values=st.integers(1, 90))
 def test_a_resampled_recording_is_the_plain_formula(size: int, first: float, step: float, values: int) -> None:
     samples, filters = np.random.default_rng(size).normal(size=size), over_time.interpolation()
