@@ -103,9 +103,9 @@ def matched_pairs(names: Sequence[str]) -> list[PairFiles]:
         [
             name
             for name in names
-            if _suffix(name) in CALIBRATION_SUFFIXES
+            if suffix_of(name) in CALIBRATION_SUFFIXES
             and name not in truths
-            and (_CALIBRATION.search(name) or _suffix(name) in ("yaml", "yml"))
+            and (_CALIBRATION.search(name) or suffix_of(name) in ("yaml", "yml"))
         ],
         found,
     )
@@ -135,8 +135,8 @@ def pictures_by_side(names: Sequence[str]) -> tuple[list[str], list[str]]:
 
 def _pictures(names: Sequence[str]) -> tuple[list[str], set[str]]:
     """Return the camera pictures and the ground truths among files."""
-    truths = {name for name in names if _suffix(name) in DISPARITY_SUFFIXES and _TRUTH.search(_stem_path(name))}
-    pictures = [name for name in names if _suffix(name) in IMAGE_SUFFIXES and name not in truths]
+    truths = {name for name in names if suffix_of(name) in DISPARITY_SUFFIXES and _TRUTH.search(_stem_path(name))}
+    pictures = [name for name in names if suffix_of(name) in IMAGE_SUFFIXES and name not in truths]
     return [name for name in pictures if not _NOT_A_PICTURE.search(PurePosixPath(name).stem)], truths
 
 
@@ -280,7 +280,8 @@ def _stem_path(name: str) -> str:
     return re.sub(r"\.[^./]*$", "", name.replace("\\", "/"))
 
 
-def _suffix(name: str) -> str:
+def suffix_of(name: str) -> str:
+    """Return the suffix of a file's name in lower case, without the point."""
     return PurePosixPath(name).suffix.removeprefix(".").casefold()
 
 
@@ -382,7 +383,7 @@ def _files_at(text: str) -> list[str]:
     """Return the file at a path, the pictures in and below a folder, or the files that match a pattern."""
     path = Path(text)
     if path.is_dir():
-        return sorted(str(file) for file in path.rglob("*") if _suffix(file.name) in IMAGE_SUFFIXES)
+        return sorted(str(file) for file in path.rglob("*") if suffix_of(file.name) in IMAGE_SUFFIXES)
     if path.exists():
         return [text]
     found = _glob(text)

@@ -24,7 +24,7 @@ from stereolag.io.disparities import DISPARITY_SUFFIXES, read_disparity, read_st
 from stereolag.io.ground_truth import TruthFit, divisor_in_words, stored_truth_fit
 from stereolag.io.guard import Guard, guarded, unguarded
 from stereolag.io.images import IMAGE_SUFFIXES, read_image
-from stereolag.io.pairing import matched_pairs, natural_order, pictures_by_side, unpaired_left
+from stereolag.io.pairing import matched_pairs, natural_order, pictures_by_side, suffix_of, unpaired_left
 from stereolag.io.sources import Archive, Source, beginning, is_archive, read_archive
 from stereolag.io.videos import DEFAULT_RATE_HZ, MAX_RATE_HZ, MIN_RATE_HZ, VIDEO_SUFFIXES, GuardedVideo, VideoFile
 from stereolag.samples import DriveExample
@@ -318,7 +318,7 @@ def open_sequence(
         sequence = _open_one(left, frame_rate, guard, video, layout)
     elif layout is not None:
         raise ValueError("A layout is that of frames with both views; these are two files.")
-    elif isinstance(left, str | PathLike) and (Path(left).is_dir() or _ending(Path(left)) not in VIDEO_SUFFIXES):
+    elif isinstance(left, str | PathLike) and (Path(left).is_dir() or suffix_of(str(left)) not in VIDEO_SUFFIXES):
         lefts, rights = _pictures(left, IMAGE_SUFFIXES), _pictures(right, IMAGE_SUFFIXES)
         truths = [] if truth is None else _pictures(truth, DISPARITY_SUFFIXES)
         partners = partners_by_name(lefts, rights, "right pictures")
@@ -373,7 +373,7 @@ def _of_files(
     """Return the frames in the pictures of a folder or an archive: pairs by their names, or both views in each."""
     if layout is None and (files := _frames_among(names)):
         return _picture_sequence(files, frame_rate, source_of, guard)
-    pictures = [name for name in names if _ending(Path(name)) in IMAGE_SUFFIXES]
+    pictures = [name for name in names if suffix_of(name) in IMAGE_SUFFIXES]
     shown = (partial(_read_picture, name, source_of, guard) for name in pictures[:: max(1, len(pictures) // 2)])
     both = (layout, False) if layout and pictures else _layout_of(shown)
     if both is None:
@@ -417,14 +417,10 @@ def _pictures(source: Source, endings: Sequence[str]) -> list[str]:
     path = Path(source)
     # Path.glob takes no absolute pattern.
     found = path.iterdir() if path.is_dir() else map(Path, glob.glob(str(source)))  # noqa: PTH207
-    kept = [one for one in found if _ending(one) in endings and not one.name.startswith(".")]
+    kept = [one for one in found if suffix_of(one.name) in endings and not one.name.startswith(".")]
     if not kept:
         raise ValueError(
             f"There are no pictures at {str(source)!r}; give each side as a folder or a pattern such as 'left/*.png', "
             "or one ZIP archive alone with both sides in it."
         )
     return sorted((str(one.absolute()) for one in kept), key=lambda name: [natural_order(name), name])
-
-
-def _ending(path: Path) -> str:
-    return path.suffix.removeprefix(".").casefold()

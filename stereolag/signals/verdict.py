@@ -298,10 +298,11 @@ def judge(recordings: Recordings, found: FoundLag, reach: int, *, fixed: bool) -
         return LagJudgement(
             "nothing", "too_little", own, evidence=0.0, needed=needed, height=height, chance=chance, ribbon=ribbon
         )
-    best = _best(recordings, found, range(first, last + 1))
+    searched = range(first, last + 1)
+    best = _best(recordings, found, searched)
     opposite = None
     if best.score <= 1 or best.prefers_opposite or best.evidence.prefers_opposite(best.peaks[0]):
-        opposite = _opposite(recordings, found, first, last, best)
+        opposite = _opposite(recordings, found, searched, best)
     few_votes = found.votes is not None and not enough_votes(found.votes, found.lag)
     rivals: Sequence[float] = ()
     reason: Reason = "opposite_sign"
@@ -324,7 +325,7 @@ def judge(recordings: Recordings, found: FoundLag, reach: int, *, fixed: bool) -
         lag = own if any(abs(own - rival) <= 1 for rival in rivals) else best.lag
     whole = found.rounded(lag)
     others = [*rivals, best.lag] if rivals and best.score > 1 else rivals
-    within = {round(other) for other in others if first <= round(other) <= last and abs(other - lag) > 1}
+    within = {round(other) for other in others if round(other) in searched and abs(other - lag) > 1}
     nearest = _nearest_rivals(within, whole)
     spacing = regular_spacing(nearest, whole)
     over_time = best.over_time if reason == "clear" else None
@@ -477,25 +478,24 @@ def _high_lags(found: FoundLag, recordings: Recordings) -> list[int]:
     return [int(each) for each in found.lags[best]]
 
 
-def _opposite(recordings: Recordings, found: FoundLag, first: int, last: int, best: _Alignment) -> int | None:
+def _opposite(recordings: Recordings, found: FoundLag, searched: range, best: _Alignment) -> int | None:
     """Return the lag at which the inverted recording 2 fits beyond chance and clearly better than at the best lag.
 
     None if there is no such lag.
     """
-    searched = last - first + 1
     if not _judged_whole(recordings):
         lag = found.opposite_lag
         if lag is None and found.lags is not None and found.correlation is not None:
             lag = int(found.lags[np.argmin(found.correlation)])
         if lag is None:
             return None
-        inverted = _by_sections((recordings[0], Inverted(recordings[1])), lag, range(first, last + 1))
+        inverted = _by_sections((recordings[0], Inverted(recordings[1])), lag, searched)
     else:
         samples_1, samples_2 = (standardised(recording.part(0, recording.size)) for recording in recordings)
-        evidence = Evidence(samples_1, -samples_2, first, last, searched)
+        evidence = Evidence(samples_1, -samples_2, searched[0], searched[-1], len(searched))
         inverted = _Alignment(evidence, evidence.peaks())
         if best.over_time is not None and best.changes:
-            followed = _aligned_by(best.over_time, samples_1, -samples_2, searched)
+            followed = _aligned_by(best.over_time, samples_1, -samples_2, len(searched))
             inverted = max(inverted, followed, key=lambda alignment: alignment.score)
     if inverted.score <= 1 or (best.score > 1 and not inverted.peaks[0].is_clearly_above(best.peaks[0])):
         return None
