@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import threading
+import time
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +20,7 @@ from stereolag.core.jobs import Estimate
 from stereolag.core.typography import typeset
 from stereolag.figures.maps import sweep_bad, sweep_maps
 from stereolag.pair import PairId, Rows
-from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.stereo.methods import preset
 from stereolag.stereo.opencv import StereoBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
@@ -106,7 +107,14 @@ def test_a_cell_is_taken_over_from_the_list_too_the_best_first_and_other_values_
     assert (taken.search.num_disparities, taken.window_size) == (row, col)
 
 
-def test_a_sweep_can_be_called_off_and_keeps_its_maps() -> None:
+def test_a_sweep_can_be_called_off_and_keeps_its_maps(monkeypatch: pytest.MonkeyPatch) -> None:
+    compute = CorrelationMatcher.compute
+
+    def slowly(*arguments: Any, **options: Any) -> DisparityMap:
+        time.sleep(0.1)  # a fast machine would be done before it is called off
+        return compute(*arguments, **options)
+
+    monkeypatch.setattr(CorrelationMatcher, "compute", slowly)
     app = sweep_of("32, 48, 64", "9, 11, 13, 15, 17, 19, 21, 23").button[0].click().run()
     assert app.button[0].disabled
     app = ended(cancel(app), SWEEP)
