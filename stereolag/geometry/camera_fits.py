@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import cv2
@@ -55,8 +56,18 @@ CONTRADICTION_MEDIAN_RATIO = 4.0
 MIN_CONTRADICTION_PX = 0.75
 """Error up to which no pair contradicts the others, px per 1000 px of the picture's width."""
 
-FIT_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 1e-9)
-"""Criteria to stop fitting a single camera. OpenCV's default, the last bit of a float64, takes all 30 iterations."""
+FIT_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-9)
+"""Criteria to stop fitting a single camera. Wide lenses take more than OpenCV's 30 iterations; most others take fewer,
+but would use all of them by its default, the last bit of a float64."""
+
+MAX_SETTLED_RMS_PX = 1.0
+"""Error above which a camera is fitted once more, from another start, px RMS. OpenCV starts from a focal length that
+neglects distortion, and from there a wide lens may settle on twice the focal length."""
+
+CENTRED_LENS = (
+    cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3
+)
+"""OpenCV's flags for the lens that the other start is from: k1 and k2 about the centre of the picture."""
 
 BEST_PAIRS_SHARE = 0.6
 """Share of the agreeing pairs, those with the smallest errors, that the first fit uses."""
@@ -240,12 +251,22 @@ def fit_camera(observations: Sequence[Observation], size: tuple[int, int], flags
     undetermined = ValueError(
         f"{len(points)} pictures of the board do not determine the camera: show it at more places and tilted more."
     )
-    try:
-        _, matrix, distortion, _, _, deviations, _, errors = cv2.calibrateCameraExtended(
-            points, image_points, size, np.eye(3), np.zeros(14), flags=flags, criteria=FIT_CRITERIA
+
+    def fitted(matrix: DoubleMap, distortion: Vector, flags: int) -> Any:
+        return cv2.calibrateCameraExtended(
+            points, image_points, size, matrix, distortion, flags=flags, criteria=FIT_CRITERIA
         )
+
+    try:
+        fit = fitted(np.eye(3), np.zeros(14), flags)
+        if not fit[0] <= MAX_SETTLED_RMS_PX:
+            start = np.array([[size[0], 0, (size[0] - 1) / 2], [0, size[0], (size[1] - 1) / 2], [0, 0, 1]], dtype=float)
+            _, matrix, distortion, *_ = fitted(start, np.zeros(14), CENTRED_LENS | cv2.CALIB_USE_INTRINSIC_GUESS)
+            distortion = np.pad(distortion.ravel(), (0, 14 - distortion.size))
+            fit = min(fit, fitted(matrix, distortion, flags | cv2.CALIB_USE_INTRINSIC_GUESS), key=itemgetter(0))
     except cv2.error as error:
         raise undetermined from error
+    _, matrix, distortion, _, _, deviations, _, errors = fit
     finite = all(np.isfinite(one).all() for one in (matrix, distortion, deviations))
     if not finite or matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
         raise undetermined

@@ -133,9 +133,12 @@ def test_large_pictures_in_colour_and_sixteen_bits_are_refined_in_full_size(
         np.testing.assert_allclose(found.both[number][side].points, views.both[number + 1][side].points, atol=0.03)
 
 
-@pytest.mark.parametrize("count", [4, 8])
-def test_a_wide_lens_is_given_the_coefficients_it_needs(count: int) -> None:
-    """From corner positions alone, without drawing: two coefficients cannot describe the distortion of a 100° view."""
+@pytest.mark.parametrize(("count", "seed"), [(4, 5), (8, 5), (4, 1)])
+def test_a_wide_lens_is_given_the_coefficients_it_needs(count: int, seed: int) -> None:
+    """From corner positions alone, without drawing: two coefficients cannot describe the distortion of a 100° view.
+
+    In the poses of the last seed, OpenCV's own first guess leads to another focal length.
+    """
     wide = replace(
         rig(2.0),
         left_matrix=np.array([[270, 0, 322], [0, 271, 238], [0, 0, 1.0]]),
@@ -143,7 +146,7 @@ def test_a_wide_lens_is_given_the_coefficients_it_needs(count: int) -> None:
         left_distortion=np.array([-0.3, 0.1, 0, 0, -0.015]),
         right_distortion=np.array([-0.3, 0.1, 0, 0, -0.015]),
     )
-    random = np.random.default_rng(5)
+    random = np.random.default_rng(seed)
     poses = [(random.normal(0, 0.3, 3), random.uniform((-8, -6, 8), (-0.5, 0.5, 11))) for _ in range(count)]
     result = calibrate_boards(placed_views(wide, poses), SQUARE_M)
     assert result.rms < 0.1 and result.row_error < 0.1
