@@ -25,9 +25,7 @@ from benchmarks.searches import KINDS, Place, Trial, cut, screen_piece, trial
         ([(10, 24), (50, 60)], "clear", "wrong"),
     ],
 )
-def test_an_answer_is_right_if_it_names_every_place_once_and_no_other(
-    named: list[tuple[int, int]], reason: str, expected: str
-) -> None:
+def test_an_answer_is_right_if_it_names_every_place_once_and_no_other(named, reason, expected):
     places = tuple(Place(*corner, 20, 30) for corner in ((10, 20), (50, 60)))
     given = Trial(np.zeros((120, 200)), np.zeros((20, 30)), places)
     answer = rocketman.Answer(tuple(Place(*corner, 20, 30) for corner in named), reason, 0.0)

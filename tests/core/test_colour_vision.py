@@ -48,12 +48,7 @@ TOGETHER: dict[str, dict[str, Colour]] = {
     "recordings": {"sensor 1": SENSOR_1, "sensor 2": SENSOR_2},
     "curve": {"curve": CORRELATION, "peak": PEAK},
     "curve in doubt": {"curve": CORRELATION, "doubtful": recordings.DOUBTFUL_COLOUR},
-    "agreement": {
-        "all": maps.ALL_AGREE,
-        "some": maps.SOME_AGREE,
-        "none": maps.ALL_DIFFER,
-        "no disparity": NO_ANSWER,
-    },
+    "agreement": {"all": maps.ALL_AGREE, "some": maps.SOME_AGREE, "none": maps.ALL_DIFFER, "no disparity": NO_ANSWER},
     "reasons": {cause.name: colour for cause, colour in maps.REASON_COLOURS.items()},
     "drive": {str(number): line["colour"] for number, line in enumerate(LINES)},
 }

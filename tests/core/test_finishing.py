@@ -88,9 +88,7 @@ def gaps_filled(disparity: FloatMap) -> FloatMap:
     spread=st.sampled_from([125, 900]),
     missing=st.sampled_from([0.3, 1.0]),
 )
-def test_the_weighted_median_is_that_of_the_definition(
-    seed: int, reach: int, spacing: int, channels: int, contrast: int, cols: int, spread: int, missing: float
-) -> None:
+def test_the_weighted_median_is_that_of_the_definition(seed, reach, spacing, channels, contrast, cols, spread, missing):
     rng = np.random.default_rng(seed)
     values = (rng.integers(-8 * spread, 8 * spread, (9, cols)) / 8).astype(np.float32)
     values[rng.random((9, cols)) < missing] = np.nan

@@ -243,9 +243,7 @@ def test_rates_that_contradict_each_other_are_refused() -> None:
     assert signal_lag(first.channels[0], second.channels[0], sampling_rate=1000).time_s == 0.8
 
 
-def test_a_recording_of_that_rate_stays_as_it_is_and_what_cannot_be_resampled_is_refused(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_recording_of_that_rate_stays_as_it_is_and_what_cannot_be_resampled_is_refused(monkeypatch):
     recording = Recording(np.ones((1, 600_000)), 8_000.0)
     assert recording.resampled(8_000.0) is recording
     assert recording.resampled_from is None

@@ -80,9 +80,7 @@ def test_votes_stand_in_the_place_of_a_correlation() -> None:
 
 @pytest.mark.parametrize(("gain", "offset"), [(1.0, 0.0), (900.0, 2048.0)])
 @pytest.mark.parametrize("lag", [-700, 0, 123])
-def test_the_aligned_files_are_read_back_with_no_lag(
-    lag: int, gain: float, offset: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_aligned_files_are_read_back_with_no_lag(lag, gain, offset, monkeypatch):
     monkeypatch.setattr("stereolag.signals.alignment.BLOCK", 777)
     first, second = (gain * signal + offset for signal in apart(lag))
     aligned = sl.align(first, second, lag)
@@ -225,9 +223,7 @@ def as_told(match: sl.TemplateMatch) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("query", QUERIES, ids=str)
-def test_the_find_command_says_what_the_file_says_and_the_matches_come_back(
-    query: TemplateQuery, pictures: Path, ran: Command
-) -> None:
+def test_the_find_command_says_what_the_file_says_and_the_matches_come_back(query, pictures, ran):
     command = shlex.split(find_command(query, "image.png", "template.png", "mask.png"))
     told = without_time(ran(*command[1:], "--json").out)
     result = found(query)

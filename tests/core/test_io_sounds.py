@@ -148,9 +148,7 @@ def interrupted(
     ],
 )
 @pytest.mark.parametrize("from_path", [False, True])
-def test_all_samples_of_an_interrupted_wav_are_read_and_that_is_said(
-    data: bytes, said: str, from_path: bool, tmp_path: Path
-) -> None:
+def test_all_samples_of_an_interrupted_wav_are_read_and_that_is_said(data, said, from_path, tmp_path):
     (tmp_path / "cut.wav").write_bytes(data)
     recording = read_signal(tmp_path / "cut.wav" if from_path else data)
     np.testing.assert_array_equal(recording.channels[0], CODED / 32_768)
@@ -264,9 +262,7 @@ def test_long_audio_is_held_as_float32(kind: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("cut", [False, True])
-def test_audio_on_disk_is_streamed_whatever_its_size(
-    cut: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_audio_on_disk_is_streamed_whatever_its_size(cut, tmp_path, monkeypatch):
     path = tmp_path / "sound.wav"
     soundfile.write(path, np.tile(LONG, (25, 1)), 8000, format="WAV", subtype="PCM_16")
     data = path.read_bytes()

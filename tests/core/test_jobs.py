@@ -10,7 +10,6 @@ import tracemalloc
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -91,9 +90,7 @@ MB_256 = "268435456"
         (None, {"memory.max": "1"}, None),  # not Linux
     ],
 )
-def test_a_container_and_a_service_have_the_memory_of_their_groups(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, joined: str | None, files: dict[str, str], megabytes: int | None
-) -> None:
+def test_a_container_and_a_service_have_the_memory_of_their_groups(monkeypatch, tmp_path, joined, files, megabytes):
     for name, limit in files.items():
         file = tmp_path / "groups" / name
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -267,9 +264,7 @@ def test_a_refusal_names_the_estimate_and_the_limit(limited: Callable[[int], Non
         *(((2000, 3000), lambda left, matcher=matcher: matcher.compute(left, left)) for matcher in MATCHERS),
     ],
 )
-def test_a_job_too_large_is_refused_before_it_makes_a_copy_of_its_input(
-    limited: Callable[[int], None], shape: tuple[int, ...], job: Callable[[Any], object]
-) -> None:
+def test_a_job_too_large_is_refused_before_it_makes_a_copy_of_its_input(limited, shape, job):
     limited(64)
     given = np.random.default_rng(0).integers(0, 256, shape, dtype=np.uint8)
     tracemalloc.start()

@@ -98,9 +98,7 @@ def test_the_image_shows_what_the_result_does_not_hold(browser: list[str]) -> No
         assert page.count("<img") == 1
 
 
-def test_in_a_notebook_a_result_is_displayed_and_in_a_terminal_opened(
-    browser: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_in_a_notebook_a_result_is_displayed_and_in_a_terminal_opened(browser, monkeypatch):
     displayed: list[str] = []
     display = SimpleNamespace(display=displayed.append, HTML=str)
     for name, in_notebook in (("ZMQInteractiveShell", True), ("TerminalInteractiveShell", False)):

@@ -137,9 +137,7 @@ WEIGHTS = ("correlation", "census", "gradient")
     seed=st.integers(0, 99),
     alone=st.sampled_from([None, *WEIGHTS]),
 )
-def test_the_cost_is_that_of_the_formula(
-    rows: int, cols: int, radius: int, first: int, count: int, flat: bool, seed: int, alone: str | None
-) -> None:
+def test_the_cost_is_that_of_the_formula(rows, cols, radius, first, count, flat, seed, alone):
     left, right = noise((rows, cols), seed), noise((rows, cols), seed + 1)
     if flat:
         left[:, : cols // 2] = 7
@@ -196,9 +194,7 @@ def test_the_paths_follow_the_recurrence(rows: int, cols: int, lags: int, seed: 
 
 @settings(max_examples=40)
 @given(smallest=st.integers(-20, 20), few=st.booleans(), **SHAPES)
-def test_the_cheapest_lags_are_those_of_the_formula(
-    rows: int, cols: int, lags: int, seed: int, smallest: int, few: bool
-) -> None:
+def test_the_cheapest_lags_are_those_of_the_formula(rows, cols, lags, seed, smallest, few):
     rng = np.random.default_rng(seed)
     sums = rng.integers(0, 3 if few else 52_000, (rows, cols, lags)).astype(np.uint16)
     found = cheapest_lags(in_strips(sums, 60_000), smallest, lags)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import pickle
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -121,9 +120,7 @@ def test_figures_of_a_frame() -> None:
 
 @pytest.mark.parametrize(("encode", "ending"), [(kitti_png, ".png"), (pfm, ".pfm")])
 @pytest.mark.parametrize("missing", [0.0, 0.3, 1.0])
-def test_a_map_is_what_is_read_back_from_its_file(
-    encode: Callable[[FloatMap], bytes], ending: str, missing: float
-) -> None:
+def test_a_map_is_what_is_read_back_from_its_file(encode, ending, missing):
     rng = np.random.default_rng(0)
     disparity = rng.uniform(-0.3, 255, (40, 50)).astype(np.float32)
     disparity[rng.random((40, 50)) < missing] = np.nan

@@ -88,9 +88,7 @@ def test_of_a_periodic_pair_the_smallest_lag_wins_and_the_ties_are_counted(metho
     method=st.sampled_from(METHODS),
 )
 @settings(max_examples=40)
-def test_any_lag_is_recovered_and_swapping_only_turns_its_sign(
-    size: int, share: float, seed: int, method: SignalMethod
-) -> None:
+def test_any_lag_is_recovered_and_swapping_only_turns_its_sign(size, share, seed, method):
     lag = round(size * share)
     recordings = pair(size, lag, seed)
     given = {"sampling_rate": 1000.0, "speed": 340.0, "method": method, "seed": seed}

@@ -61,9 +61,7 @@ def test_an_excerpt_stands_out_at_the_lag_of_the_whole_recordings(name: str) -> 
     st.floats(-1, 1),
     st.integers(0, 2**32 - 1),
 )
-def test_an_excerpt_is_cut_from_both_recordings_wherever_they_overlap(
-    size_1: int, size_2: int, share: float, seed: int
-) -> None:
+def test_an_excerpt_is_cut_from_both_recordings_wherever_they_overlap(size_1, size_2, share, seed):
     lag = round(share * (size_2 if share > 0 else size_1))
     sound = np.random.default_rng(seed).normal(size=size_1 + size_2 + abs(lag))
     first, second = sound[max(lag, 0) :][:size_1], sound[max(-lag, 0) :][:size_2]

@@ -40,9 +40,7 @@ def place(search: TemplateSearch) -> tuple[int, int]:
 
 @pytest.mark.parametrize("method", EVERY_METHOD)
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
-def test_a_copy_is_found_at_its_place_with_progress_from_0_to_1_and_the_arguments_left_alone(
-    method: TemplateMethod, dtype: type
-) -> None:
+def test_a_copy_is_found_at_its_place_with_progress_from_0_to_1_and_the_arguments_left_alone(method, dtype):
     image = random_image((40, 60, 3), dtype)
     template = image[29:40, 46:60].copy()
     image.setflags(write=False)
@@ -207,9 +205,7 @@ def test_bad_arguments_are_named(arguments: dict[str, Any], message: str) -> Non
     st.integers(0, 12),
     st.integers(0, 12),
 )
-def test_scores_of_windows_by_running_sums_equal_the_formula(
-    seed: int, channels: int, height: int, width: int, down: int, across: int
-) -> None:
+def test_scores_of_windows_by_running_sums_equal_the_formula(seed, channels, height, width, down, across):
     random, shape = np.random.default_rng(seed), (channels, height + down, width + across)
     planes = random.integers(-255, 256, shape).astype(np.float64)
     planes[:, : height + 2, : width + 2] = 77  # flat windows
@@ -267,9 +263,7 @@ def overlap(one: TemplateMatch, other: TemplateMatch) -> float:
 @given(
     st.integers(0, 2**32), st.integers(2, 9), st.integers(2, 9), st.integers(1, 40), st.sampled_from([-1.0, 0.0, 0.3])
 )
-def test_matches_are_sorted_peaks_that_overlap_by_half_at_most(
-    seed: int, height: int, width: int, max_matches: int, min_score: float
-) -> None:
+def test_matches_are_sorted_peaks_that_overlap_by_half_at_most(seed, height, width, max_matches, min_score):
     random = np.random.default_rng(seed)
     image = random.integers(0, 4, (40, 50), dtype=np.uint8)
     template = image[20 : 20 + height, 30 : 30 + width].copy()
@@ -296,9 +290,7 @@ def test_matches_are_sorted_peaks_that_overlap_by_half_at_most(
         ([0, 0, 9], [0, 1, 0], [0.9, 0.9, 0.9], (4, 4), [0, 2]),
     ],
 )
-def test_copies_that_overlap_by_exactly_half_are_kept_and_of_equal_scores_the_first(
-    rows: list[int], cols: list[int], scores: list[float], shape: tuple[int, int], kept: list[int]
-) -> None:
+def test_copies_that_overlap_by_exactly_half_are_kept_and_of_equal_scores_the_first(rows, cols, scores, shape, kept):
     assert Places(np.array(rows), np.array(cols), np.array(scores), shape).best(9, share=0.5) == kept
 
 

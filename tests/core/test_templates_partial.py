@@ -115,9 +115,7 @@ def test_a_shape_in_another_colour_is_not_the_template_and_half_transparent_it_i
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("mark", [np.nan, -32768, 1e6, -np.finfo(np.float32).max])
 @pytest.mark.parametrize("masked", [False, True])
-def test_pixels_without_data_hide_only_the_windows_that_hold_them(
-    method: TemplateMethod, mark: float, masked: bool
-) -> None:
+def test_pixels_without_data_hide_only_the_windows_that_hold_them(method, mark, masked):
     image = photograph(0, 60, 80)[:, :, 0].astype(np.float32) / 255
     template = image[20:32, 50:65].copy()
     image[5:9, :20] = mark

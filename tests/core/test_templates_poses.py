@@ -133,12 +133,7 @@ def test_a_constant_image_holds_no_size_of_it() -> None:
     assert (search.found, search.matches, search.best) == (False, [], None)
 
 
-@given(
-    st.floats(0.1, 3),
-    st.floats(1, 3),
-    st.floats(-180, 170),
-    st.floats(0, 10),
-)
+@given(st.floats(0.1, 3), st.floats(1, 3), st.floats(-180, 170), st.floats(0, 10))
 def test_the_grid_holds_both_ends_and_no_larger_steps(low: float, ratio: float, first: float, reach: float) -> None:
     grid = PoseRange((low, low * ratio), (first, first + reach)).grid((30, 30))
     scales, rotations = (sorted({round(pose[axis], 9) for pose in grid}) for axis in (0, 1))
@@ -259,9 +254,7 @@ LISTED = ("Madrid", "Tokyo", "Oslo", "Engine", "Brake", "Voltage", "Current", "P
 @pytest.mark.parametrize(
     ("named", "word", "size"), [(LISTED, "Current", 1.1), (WORDS, "Account", 1.25), (WORDS, "103.07", 1.33)]
 )
-def test_a_word_drawn_anew_is_found_though_its_letters_move_and_others_score_higher(
-    named: Sequence[str], word: str, size: float
-) -> None:
+def test_a_word_drawn_anew_is_found_though_its_letters_move_and_others_score_higher(named, word, size):
     number = named.index(word)
     template = words(1.0, named)[row_of(number), 26 : 80 if word == "103.07" else 100]
     search = match_template(words(size, named), template, scales=(0.9, 1.6))

@@ -18,14 +18,7 @@ from stereolag.core.inputs import Image
 from stereolag.io.images import read_image
 from stereolag.templates import TemplateMethod, match_template
 from stereolag.templates.places import Places
-from stereolag.templates.trials import (
-    Degradation,
-    DegradedPart,
-    degraded_part,
-    is_masked,
-    opencv_search,
-    try_methods,
-)
+from stereolag.templates.trials import Degradation, DegradedPart, degraded_part, is_masked, opencv_search, try_methods
 from stereolag.templates.verdict import leads
 
 Array = npt.NDArray[Any]
@@ -215,9 +208,7 @@ def test_another_light_is_the_same_colours_and_grey_is_not(seen: str, reason: st
         ("boofcv_desktop", "template_browser.png", ("fft",), "low_score", (71, 261)),
     ],
 )
-def test_real_pictures(
-    data_dir: Path, folder: str, name: str, methods: tuple[TemplateMethod, ...], reason: str, place: tuple[int, int]
-) -> None:
+def test_real_pictures(data_dir, folder, name, methods, reason, place):
     path = data_dir / "template" / folder / name
     scene, template = read_image(path.with_stem("scene")), read_image(path)
     for method in methods:
@@ -306,14 +297,7 @@ def test_what_becomes_of_rocketman(settings: dict[str, float], outcomes: str) ->
     ],
     ids=["at another place", "nothing varies", "of another type"],
 )
-def test_each_method_tells_its_outcome(
-    image: Image,
-    template: Image,
-    mask: Image | None,
-    near: tuple[int, int],
-    outcomes: str,
-    place: tuple[int | None, int | None],
-) -> None:
+def test_each_method_tells_its_outcome(image, template, mask, near, outcomes, place):
     trials = {one.method: one for one in try_methods(image, template, near, mask=mask)}
     found = [trials[name] for name in ("fft", "sampled", "opencv")]
     assert [one.outcome for one in found] == outcomes.split()
