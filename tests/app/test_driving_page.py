@@ -19,9 +19,8 @@ import pytest
 import straight_and_raw
 from streamlit.testing.v1 import AppTest
 
-from stereolag.assess.diagnosis import Diagnosis
+from stereolag import Diagnosis, read_disparity
 from stereolag.figures.pictures import coloured
-from stereolag.io.disparities import read_disparity
 from stereolag.io.images import image_png, read_image
 from stereolag.samples import stereo_pairs
 from stereolag.ui.depth.view import HANDED
@@ -125,9 +124,7 @@ def test_other_methods_ranges_and_steadiness_are_computed_anew() -> None:
 CANCELLED = 16
 
 
-def test_the_example_is_called_off_while_own_frames_are_awaited_and_goes_on_for_who_returns(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_example_is_called_off_while_own_frames_are_awaited_and_goes_on_for_who_returns(monkeypatch):
     def unending(*given: Any, cancelled: Callable[[], bool], **more: Any) -> SimpleNamespace:
         while not cancelled():
             time.sleep(0.01)
@@ -290,9 +287,7 @@ def test_a_calibration_of_another_shape_is_told_of_and_one_that_fits_leaves_rect
     ("found", "first", "count", "warned"),
     [((300, 32), 240, 16, "up to about 332"), ((10, 240), 10, 240, ""), ((-16, 48), 0, 48, "down to about −16")],
 )
-def test_a_range_beyond_the_files_of_maps_is_bounded_and_told_of(
-    monkeypatch: pytest.MonkeyPatch, found: tuple[int, int], first: int, count: int, warned: str
-) -> None:
+def test_a_range_beyond_the_files_of_maps_is_bounded_and_told_of(monkeypatch, found, first, count, warned):
     monkeypatch.setattr(inputs, "diagnose_sequence", lambda drive: Diagnosis((), None, found))
     app = finished(opened(archive(straight_and_raw.straight_pair(seed=count), count=1)))
     smallest = labelled(app.number_input, "Smallest disparity, px")

@@ -61,9 +61,7 @@ def other_values(control: Any) -> list[Any]:
 
 
 @pytest.mark.parametrize("method", [method.short_name for method in METHODS])
-def test_any_control_changes_the_settings_of_its_method_alone_and_a_slider_does_while_dragged(
-    method: str,
-) -> None:
+def test_any_control_changes_the_settings_of_its_method_alone_and_a_slider_does_while_dragged(method):
     app = opened("cube")
     app.button_group(key=keys.TAB).set_value(method).run()
     at_first = app.session_state["met"][1]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Annotated
 
 import cv2
@@ -100,9 +99,7 @@ def test_a_new_method_joins_the_parts_below_the_maps() -> None:
 
 
 @pytest.mark.usefixtures("listed")
-def test_a_new_method_has_its_flags_and_goes_out_as_settings_and_as_a_program(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_new_method_has_its_flags_and_goes_out_as_settings_and_as_a_program(tmp_path, capsys):
     image = np.random.default_rng(1).integers(0, 255, (40, 80), dtype=np.uint8)
     pair = [str(tmp_path / f"{side}.png") for side in ("left", "right")]
     for name in pair:

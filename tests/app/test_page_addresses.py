@@ -93,9 +93,7 @@ BAD: list[tuple[str, dict[str, str], list[str]]] = [
 
 
 @pytest.mark.parametrize(("page", "link", "fragments"), BAD)
-def test_what_is_bad_in_a_link_is_answered_with_a_sentence_each_and_opens_the_page(
-    page: str, link: dict[str, str], fragments: list[str]
-) -> None:
+def test_what_is_bad_in_a_link_is_answered_with_a_sentence_each_and_opens_the_page(page, link, fragments):
     app = linked(page, **link)
     said = ignored(app)
     assert len(said) == len(link)

@@ -173,9 +173,7 @@ SCENE = uploads.texture(60, 90)
         (DEPTH, "pairs", uploads.pngs(left=SCENE), "Right image"),
     ],
 )
-def test_a_page_opens_on_one_thing_to_try_and_says_which_file_is_missing(
-    path: str, inputs: str, given: dict[str, tuple[str, bytes]], missing: str
-) -> None:
+def test_a_page_opens_on_one_thing_to_try_and_says_which_file_is_missing(path, inputs, given, missing):
     app = open_page(path)
     assert len([one for one in app.markdown if "Try first" in one.value]) == 1
     assert not (app.info or app.warning or app.error)

@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from PIL import Image
 from streamlit.testing.v1 import AppTest
 
-from stereolag import samples
+from stereolag import read_image, samples
 from stereolag.core.arrays import Box
-from stereolag.io.images import read_image
 from stereolag.ui.search.inputs import packed_mask, read_box, read_packed_mask
 from stereolag.ui.uploads import Upload
 from tests.app import uploads

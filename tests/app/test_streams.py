@@ -22,10 +22,9 @@ from starlette.applications import Starlette
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from stereolag import preset
+from stereolag import StereoBM, preset
 from stereolag.core.jobs import limits, set_defaults
 from stereolag.core.searches import TemplateQuery
-from stereolag.stereo.opencv import StereoBM
 from stereolag.ui import calibrate_live, streams
 from stereolag.ui.components import packed_item
 from stereolag.ui.depth import live as depth
@@ -205,9 +204,7 @@ PARTS += [b"", b"\xff\xd8\xff", bytes(4000), bytes(4001)]
     st.dictionaries(st.sampled_from([*FIELDS]), WRONG, max_size=2),
     st.lists(st.sampled_from(PARTS), max_size=3),
 )
-def test_whatever_a_page_is_sent_is_answered_or_refused(
-    page: str, header: dict[str, Any], wrong: dict[str, Any], parts: list[bytes]
-) -> None:
+def test_whatever_a_page_is_sent_is_answered_or_refused(page, header, wrong, parts):
     kind, answer = answering_pages()[page]
     with suppress(ValueError):
         message = parse_message(packed_item(header | wrong, parts).data, kind)
@@ -242,9 +239,7 @@ def test_of_a_frame_only_its_left_view_and_the_maps_as_shown_are_kept() -> None:
         ("driving", {"at": float("inf")}, [b"", b""]),
     ],
 )
-def test_a_message_that_lacks_what_its_page_needs_is_refused(
-    page: str, header: dict[str, Any], parts: list[bytes]
-) -> None:
+def test_a_message_that_lacks_what_its_page_needs_is_refused(page, header, parts):
     with pytest.raises(ValueError):
         parse_message(packed_item(header, parts).data, answering_pages()[page][0])
 

@@ -147,9 +147,7 @@ def test_nothing_moves_by_itself_for_whoever_asks_for_that(page: Page) -> None:
     assert page.evaluate(RUNNING) == 0
 
 
-def test_it_is_worked_by_keys_alone_and_axe_finds_no_fault(
-    name: str, page: Page, address: str, request: pytest.FixtureRequest
-) -> None:
+def test_it_is_worked_by_keys_alone_and_axe_finds_no_fault(name, page, address, request):
     if getattr(request.node, "execution_count", 1) > 1:  # the first journey ended anywhere
         page.goto(f"{address}/{ADDRESSES[name]}")
         settled(page)

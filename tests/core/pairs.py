@@ -8,9 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import gaussian_filter
 
+from stereolag import read_disparity, read_image
 from stereolag.geometry.rectification import scaled_disparity, scaled_image
-from stereolag.io.disparities import read_disparity
-from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
 
 DoubleImage = npt.NDArray[np.float64]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from pairs import bundled, shifted_pair, texture
 
+from stereolag import CorrelationMatcher, Reason, SearchArea
 from stereolag.assess.explaining import (
     Box,
     ExampleKind,
@@ -20,10 +21,7 @@ from stereolag.assess.explaining import (
     passes,
     with_rows_around,
 )
-from stereolag.stereo.matcher import Reason
 from stereolag.stereo.opencv import BlockMatcher, StereoBM, StereoSGBM
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import SearchArea
 
 
 def test_window_and_search_lie_where_they_should_and_near_the_border_the_nearest_stands_in() -> None:

@@ -11,12 +11,10 @@ from pairs import shifted_pair, steps_pair
 from scipy import ndimage
 
 import stereolag as sl
+from stereolag import CorrelationMatcher, Reason, SearchArea
 from stereolag.core.inputs import local_deviation
 from stereolag.stereo.finishing import stages, surfaces
 from stereolag.stereo.finishing.filling import fill_between_ends_reference, filled_from_behind, filled_from_ends
-from stereolag.stereo.matcher import Reason
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import SearchArea
 
 
 @given(st.integers(0, 99), st.integers(0, 3))

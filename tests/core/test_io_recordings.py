@@ -18,12 +18,11 @@ from scipy.io import savemat
 from benchmarks.camera_files import npz
 from benchmarks.picture_bytes import by_pillow
 from benchmarks.recording_bytes import matlab, saved
+from stereolag import read_signal, signal_lag
 from stereolag.core.jobs import Limits
 from stereolag.io import clocks
 from stereolag.io.clocks import Gap, Recording
 from stereolag.io.formats import ACCEPTED, RECORDING_SUFFIXES
-from stereolag.io.recordings import read_signal
-from stereolag.signals import signal_lag
 from tests.archives import zipped
 
 A, B = np.random.default_rng(0).normal(size=(2, 300)).round(4)

@@ -12,12 +12,11 @@ import soundfile
 from scipy import signal
 
 from benchmarks.recording_bytes import filmed, plain_wav, riff_chunk, sound, wav
+from stereolag import read_signal, signal_lag
 from stereolag.core.jobs import Limits
 from stereolag.io import clocks, sounds, sources
 from stereolag.io.clocks import Gap, Recording
 from stereolag.io.formats import SOUND_FORMATS, sound_format
-from stereolag.io.recordings import read_signal
-from stereolag.signals import signal_lag
 
 STEREO = np.random.default_rng(3).uniform(-0.5, 0.5, (4000, 2))
 VOICE = 0.07 * signal.lfilter([1], [1, -0.9], np.random.default_rng(0).normal(size=32_768))

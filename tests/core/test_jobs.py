@@ -15,16 +15,12 @@ import numpy as np
 import pytest
 
 from benchmarks.memory import CLEAR_REFS
-from stereolag.assess.diagnosis import diagnose
+from stereolag import CorrelationMatcher, SearchArea, StereoBM, StereoSGBM, diagnose, preset
 from stereolag.core import jobs
 from stereolag.core.jobs import COSTS, Estimate, check_memory, limits, machine_memory, set_defaults
 from stereolag.signals import estimate_lag, signal_lag
 from stereolag.signals.lag import product_count
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.stereo.methods import preset
-from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates import estimate_search, match_template
 
 GB = 10**9

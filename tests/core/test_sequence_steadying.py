@@ -14,14 +14,13 @@ import pytest
 from pairs import texture
 from small_drives import Counting, contents, matched, write_frames
 
-from stereolag import StereoBM, StereoSGBM, preset
+from stereolag import DisparityMap, Reason, StereoBM, StereoSGBM, preset
 from stereolag.core.arrays import FloatMap
 from stereolag.core.settings import SettingsError
 from stereolag.io.disparities import kitti_png
 from stereolag.sequences import SequenceSettings, SequenceState, Steadiness, StereoSequence, open_sequence, run_sequence
 from stereolag.sequences.frames import FrameTask, encoded_frame, match_frame
 from stereolag.sequences.motion import motion_since, steadied
-from stereolag.stereo.matcher import DisparityMap, Reason
 
 Grey = npt.NDArray[np.uint8]
 ROWS, COLS, FRAMES = 96, 160, 6

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.lib.stride_tricks import sliding_window_view
 
-from stereolag import samples, signal_lag
-from stereolag.io.recordings import read_signal
+from stereolag import read_signal, samples, signal_lag
 from stereolag.signals import by_hand, phasors
 from stereolag.signals.by_hand import Disturbances, disturbed
 from stereolag.signals.phasors import LAG, LENGTH, LONGEST_LAG, SIZE

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 
 from benchmarks.recordings import trial
 from benchmarks.verdict import UNRELATED, coloured, common, drifting, tones, unrelated
-from stereolag import samples
-from stereolag.io.recordings import read_signal
+from stereolag import read_signal, samples
 from stereolag.signals import SignalLag, SignalMethod, over_time, signal_lag
 from stereolag.signals.correlation import overlap_length
 from stereolag.signals.drift import median_line

@@ -13,9 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from stereolag import samples
+from stereolag import read_image, samples
 from stereolag.core.inputs import Image
-from stereolag.io.images import read_image
 from stereolag.templates import TemplateMethod, match_template
 from stereolag.templates.places import Places
 from stereolag.templates.trials import Degradation, DegradedPart, degraded_part, is_masked, opencv_search, try_methods

@@ -13,17 +13,13 @@ import pytest
 from pairs import shifted_pair, steps_pair
 
 import stereolag as sl
+from stereolag import CorrelationMatcher, SearchArea, SemiGlobalMatcher, StereoBM, StereoSGBM, evaluate
 from stereolag.assess import judging, suggestion
 from stereolag.core.settings import changed, setting, title_of
-from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.finishing.stages import AmbiguityTest, LeftRightCheck, SpeckleFilter, TextureTest
 from stereolag.stereo.matcher import Reason, StereoMatcher
 from stereolag.stereo.methods import METHODS, preset
-from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.semi_global.cost import MatchingCost
-from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import SearchArea
 
 LEFT, RIGHT, TRUTH = steps_pair()
 NOISE = np.random.default_rng(0).integers(0, 256, (2, 100, 150), dtype=np.uint8)

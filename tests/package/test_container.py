@@ -153,9 +153,7 @@ def test_it_runs_as_a_user_of_its_own_on_a_python_that_is_supported() -> None:
     assert re.search(r"python:([\d.]+)", base)[1] in SpecifierSet(project["requires-python"])  # type: ignore[index]
 
 
-def test_it_serves_its_page_at_the_one_address_it_prints_passes_its_check_and_asks_nobody(
-    image: Path, tmp_path: Path
-) -> None:
+def test_it_serves_its_page_at_the_one_address_it_prints_passes_its_check_and_asks_nobody(image, tmp_path):
     (tmp_path / "sitecustomize.py").write_text(WATCH)
     port = free_port()
     check = json.loads(said("HEALTHCHECK")[0].partition(" CMD ")[2])
