@@ -32,7 +32,6 @@ def page(origin: str) -> AppTest:
 
 
 def opened(data: bytes, name: str = "drive.zip") -> AppTest:
-    """Return the page with a ZIP of frames uploaded."""
     app = page(ONE)
     app.file_uploader(key="driving.one").set_value((name, data, "application/zip")).run()
     return app
@@ -51,6 +50,5 @@ def player(app: AppTest) -> dict[str, Any]:
 
 
 def work_of(app: AppTest) -> DriveWork:
-    """Return the work done on the sequence so far."""
     kept: DriveWork = app.session_state[WORK]
     return kept

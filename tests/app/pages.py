@@ -45,7 +45,6 @@ def open_page(path: str, before: Mapping[str, Any] = MappingProxyType({})) -> Ap
 
 
 def open_unfolded(path: str) -> AppTest:
-    """Return a page with all its controls drawn."""
     app = open_page(path)
     if path == DEPTH:
         for fold in keys.FOLDS:

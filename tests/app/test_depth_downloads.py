@@ -59,7 +59,6 @@ def refusals(download: Download) -> dict[str, str]:
 
 
 def metrics(download: Download) -> list[str]:
-    """Return the lines of the table of figures."""
     return str(made(download)["metrics.csv"].make()).splitlines()
 
 

@@ -48,7 +48,6 @@ def page() -> None:
 
 
 def stepping(files: dict[str, bytes]) -> AppTest:
-    """Return the page on a set of pairs."""
     return uploaded(own_files(page, "several"), "pairs", several=("pairs.zip", zipped(files)))
 
 

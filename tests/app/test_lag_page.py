@@ -171,7 +171,6 @@ EXAMPLES = {
 
 
 def examples(app: AppTest, panel: str) -> list[dict[str, Any]]:
-    """Return the examples of a panel."""
     app.session_state["lag.part"] = EXAMPLES[panel][0]
     app.run()
     (data,) = told(app, panel)

@@ -47,7 +47,6 @@ class MadeUp(StereoMatcher):
     )
 
     def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
-        """Match the images in grey."""
         one, other = (as_grey(image).astype(np.float32) for image in (left, right))
         costs = np.empty((self.num_disparities, *one.shape), np.float32)
         for lag in range(self.num_disparities):

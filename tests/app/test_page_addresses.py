@@ -120,12 +120,10 @@ def test_the_address_of_own_files_shows_no_example_and_its_settings_wait_for_the
 
 
 def tab(app: AppTest, method: str) -> AppTest:
-    """Open the controls of a method."""
     return moved(app, {keys.TAB: method})
 
 
 def preset(app: AppTest, name: str) -> AppTest:
-    """Press the button of a preset, or of the reset."""
     return app.button(key=keys.preset_key(name)).click().run()
 
 

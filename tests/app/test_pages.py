@@ -28,7 +28,6 @@ DRAWINGS = {"plotly_chart", "image", "dataframe", "audio"}
 
 
 def announced(app: AppTest) -> bool:
-    """Return whether a page announces its headline."""
     return any(one.proto.component_name == "stereolag.announcement" for one in app.get("bidi_component"))
 
 

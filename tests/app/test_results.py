@@ -204,7 +204,6 @@ def open_gate() -> threading.Event:
 
 
 def answer(app: AppTest) -> str:
-    """Return what the page shows at last."""
     until(lambda: app.run().markdown[0].value != "nothing yet")
     return str(app.markdown[0].value)
 

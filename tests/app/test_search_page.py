@@ -153,7 +153,6 @@ def test_images_of_two_types_are_damaged_too_and_none_without_a_place() -> None:
 
 
 def part(app: AppTest, name: str) -> AppTest:
-    """Return the page with a part open."""
     app.session_state["template.part"] = name
     return app.run()
 

@@ -39,8 +39,6 @@ PATIENCE_S = 30
 
 
 class Numbered(Message):
-    """The messages of these streams."""
-
     number: int = 0
 
 

@@ -16,7 +16,6 @@ expect.set_options(timeout=TIMEOUT_MS)
 
 @pytest.fixture(scope="session")
 def server() -> Iterator[Server]:
-    """Start the app on a free port."""
     running = Server()
     yield running
     running.stop()

@@ -35,7 +35,6 @@ def expect_cameras_off(page: Page) -> None:
 
 
 def choose_arrangement(page: Page, name: str) -> None:
-    """Choose how cameras make a pair."""
     page.locator("[class*=-camera-arrangement]").get_by_role("combobox").click()
     page.get_by_role("option", name=name).click()
     settled(page)

@@ -98,7 +98,6 @@ def open_tab(page: Page, name: str) -> None:
 
 
 def press(page: Page, name: str) -> None:
-    """Press a button with the Enter key."""
     page.get_by_role("button", name=name, exact=True).first.press("Enter")
     settled(page)
 

@@ -66,19 +66,15 @@ def no_exception(page: Page) -> None:
     expect(page.get_by_test_id("stAlertContentError")).to_have_count(0)
 
 
-def test_tab_reaches_every_control_in_order_and_shows_where_it_is(page: Page) -> None:
+def test_tab_reaches_every_control_in_order_and_shows_where_it_is(name: str, page: Page) -> None:
     there = walked(page)
     assert there.missed == []
     assert there.unframed == []
     assert there.stops[0] == "a Skip to main content"
     links = [stop for stop in there.stops if stop.startswith("a ")][1:]
-    assert all(link.endswith(name) for link, name in zip(links, ADDRESSES, strict=False)), links
-
-
-@pytest.mark.parametrize("name", ["Sensor lag"], indirect=True)
-def test_tab_goes_back_the_way_it_came(page: Page) -> None:
-    there, back = walked(page), walked(page, backwards=True)
-    assert back.stops == there.stops[::-1]
+    assert all(link.endswith(title) for link, title in zip(links, ADDRESSES, strict=False)), links
+    if name == "Sensor lag":  # one page is enough for the way back
+        assert walked(page, backwards=True).stops == there.stops[::-1]
 
 
 def test_the_result_and_the_first_control_are_on_the_first_screen(name: str, page: Page) -> None:

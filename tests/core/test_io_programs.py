@@ -140,10 +140,12 @@ BM_ALL_SET = sl.StereoBM(
         (BM_ALL_SET, "colour"),
         (sl.StereoSGBM(num_disparities=16, min_disparity=2, disp12_max_diff=-1), "transparent"),
         (sl.StereoSGBM(num_disparities=16, mode="hh", p1=8, p2=90, pre_filter_cap=31), "deep"),
-        (sl.StereoSGBM(num_disparities=16, mode="hh"), "raw"),
+        (sl.StereoBM(num_disparities=16, block_size=11, min_disparity=2), "grey"),
+        (sl.StereoSGBM(num_disparities=16), "grey"),
+        (sl.StereoSGBM(num_disparities=16, mode="hh4"), "raw"),
         (sl.StereoSGBM(num_disparities=16, mode="sgbm_3way"), "float"),
     ],
-    ids=["BM", "BM all set", "SGBM unchecked", "HH", "12 bits", "3WAY"],
+    ids=["BM", "BM all set", "SGBM unchecked", "HH", "BM beyond 0", "SGBM", "HH4 of 12 bits", "3WAY"],
 )
 def test_the_program_of_opencv_alone_measures_the_same(matcher: BlockMatcher, kind: str, tmp_path: Path) -> None:
     left, right = (made_of(image, kind) for image in shifted_pair(80, 120, 0, -5.3))

@@ -113,7 +113,6 @@ def loops(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="module", autouse=True)
 def _numba_ready() -> None:
-    """Have Numba ready in all forks."""
     numba.njit(lambda: 0)()
 
 

@@ -145,7 +145,6 @@ def seen(name):
 
 
 def packed(pixels):
-    """Return one number per colour."""
     return pixels[..., :3].astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], np.uint32)
 
 

@@ -193,7 +193,6 @@ def test_a_damaged_frame_is_left_out_and_tried_again_later(drive: StereoSequence
 
 
 def shown(video: bytes | Path) -> list[np.ndarray]:
-    """Return the pictures of a video, (H, W, 3)."""
     with av.open(str(video) if isinstance(video, Path) else io.BytesIO(video)) as container:
         return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
 

@@ -15,7 +15,6 @@ from stereolag.signals.phasors import LAG, LENGTH, LONGEST_LAG, SIZE
 
 
 def example(name: str) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return the recordings of an example, and their lag."""
     one = samples.recordings()[name]
     first, second = (read_signal(path).channels[0] for path in (one.signal_1, one.signal_2))
     return first, second, one.lag
@@ -34,7 +33,6 @@ def scores(slide: by_hand.Slide) -> np.ndarray:
 
 
 def lags(slide: by_hand.Slide, heights: np.ndarray) -> list[int]:
-    """Return the lags with the largest height."""
     return [slide.lag + slide.step * int(place) for place in np.flatnonzero(heights > heights.max() - 1e-6)]
 
 

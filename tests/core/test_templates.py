@@ -82,16 +82,11 @@ def searches(draw: st.DrawFn) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
 
 def brute_force(image: Array, template: Array, mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
     """Return Pearson's coefficient at every placement, computed straight from its definition."""
-    image, template = np.atleast_3d(image).astype(np.float64), np.atleast_3d(template)[mask].astype(np.float64)
-    height, width = mask.shape
-    pattern = template - template.mean(axis=0)
-    scores = np.full((image.shape[0] - height + 1, image.shape[1] - width + 1), np.nan)
-    for row, col in np.ndindex(*scores.shape):
-        window = image[row : row + height, col : col + width][mask]
-        if np.ptp(window, axis=0).any():
-            window = window - window.mean(axis=0)
-            scores[row, col] = (window * pattern).sum() / np.sqrt((window**2).sum() * (pattern**2).sum())
-    return scores
+    windows = np.lib.stride_tricks.sliding_window_view(np.atleast_3d(image), mask.shape, axis=(0, 1))[..., mask]
+    pattern, flat = np.atleast_3d(template)[mask].T.astype(np.float64), (np.ptp(windows, axis=-1) == 0).all(axis=-1)
+    windows, pattern = (one - one.mean(axis=-1, keepdims=True, dtype=np.float64) for one in (windows, pattern))
+    energies = (windows**2).sum(axis=(-2, -1)) * (pattern**2).sum()
+    return np.where(flat, np.nan, (windows * pattern).sum(axis=(-2, -1)) / np.sqrt(np.where(flat, 1, energies)))
 
 
 @given(searches())

@@ -23,7 +23,6 @@ METHODS: tuple[TemplateMethod, ...] = ("fft", "direct")
 
 
 def photograph(seed: int, rows: int = 200, cols: int = 260) -> Array:
-    """Return a part of a photograph."""
     random = np.random.default_rng(seed)
     whole = (chelsea, coffee)[seed % 2]()
     top, left = (random.integers(0, length - side) for length, side in zip(whole.shape, (rows, cols), strict=False))

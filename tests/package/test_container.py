@@ -48,7 +48,6 @@ pwd.getpwuid = {}.__getitem__  # as for a user nobody knows
 
 
 def instructions() -> list[tuple[str, str]]:
-    """Return the instructions of the Dockerfile, each with its arguments."""
     text = re.sub(r"^#.*\n", "", (PROJECT / "Dockerfile").read_text(encoding="utf-8"), flags=re.MULTILINE)
     lines = text.replace("\\\n", "").splitlines()
     return [(word, said.strip()) for word, _, said in (line.partition(" ") for line in lines if line)]
@@ -98,7 +97,6 @@ def surroundings(home: Path, **variables: str) -> dict[str, str]:
 
 
 def step(command: list[str], folder: Path, **variables: str) -> subprocess.CompletedProcess[str]:
-    """Run a command of the Dockerfile in a folder."""
     environment = surroundings(folder, **variables)
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 

@@ -24,8 +24,6 @@ def node_path() -> str:
 
 
 class Node:
-    """Node with the app's modules."""
-
     def __init__(self) -> None:
         self._process = subprocess.Popen(
             [node_path(), str(EVALUATE)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, encoding="utf-8"
