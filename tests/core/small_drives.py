@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -59,6 +60,11 @@ def archive(disparities: Sequence[int] = DISPARITIES) -> bytes:
     pairs = enumerate(pairs_of(disparities))
     sides = ("left", "right")
     return zipped({f"{side}/{n:03d}.png": image_png(both[i]) for n, both in pairs for i, side in enumerate(sides)})
+
+
+def rows_of(out: Path) -> list[dict[str, str]]:
+    with (out / "frames.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
 
 
 def contents(out: Path) -> dict[str, bytes]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import os
 import signal
@@ -16,7 +14,7 @@ import moving_drives
 import numpy as np
 import pytest
 from commanded import Command, assert_refused
-from small_drives import write_folders
+from small_drives import rows_of, write_folders
 
 import stereolag as sl
 from stereolag.core.settings import changed
@@ -36,10 +34,6 @@ CONSOLE = "import sys; from stereolag.commands import main; sys.exit(main())"
 @pytest.fixture
 def sides(tmp_path: Path) -> Sides:
     return write_folders(tmp_path / "drive", [4, 5, 6])[:2]
-
-
-def rows_of(out: Path) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO((out / "frames.csv").read_text())))
 
 
 def test_maps_a_table_and_a_video_in_the_given_range_or_that_of_the_calibration(sides, tmp_path, ran):

@@ -20,8 +20,6 @@ from stereolag.stereo.semi_global.cost import (
     NOT_TRIED,
     OUT_OF_FRAME_SHARE,
     MatchingCost,
-    census,
-    census_reference,
     cost_reference,
     matching_cost,
 )
@@ -152,13 +150,6 @@ def test_the_cost_is_that_of_the_formula(rows, cols, radius, first, count, flat,
     expected = cost_reference(left, right, radius, first, count, int(OUT_OF_FRAME_SHARE * cost.highest), cost)
     assert np.abs(found[:, :, :count] - expected).max() < 0.51
     assert (found[:, :, count:] == NOT_TRIED).all()
-
-
-def test_the_census_is_that_of_the_formula_and_ignores_exposure() -> None:
-    image = noise((11, 17))
-    low, high = census(image)
-    np.testing.assert_array_equal(low + (high.astype(np.uint32) << 16), census_reference(image))
-    np.testing.assert_array_equal(census(image // 2), census((image // 2) + 9))
 
 
 def test_weights_that_are_all_nothing_or_more_than_eight_bits_hold_and_penalties_out_of_order_are_refused() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 import math
@@ -17,7 +16,7 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
-from small_drives import COLS, DISPARITIES, ROWS, Counting, archive, contents, matched, numbered, write_folders
+from small_drives import COLS, DISPARITIES, ROWS, Counting, archive, contents, matched, numbered, rows_of, write_folders
 
 from stereolag import Calibration, StereoBM, StereoSGBM, preset, read_disparity
 from stereolag.assess.findings import Finding, FindingCode
@@ -73,11 +72,6 @@ def test_a_drive_is_searched_over_the_range_of_all_its_frames_and_a_black_one_ha
         (side / "001.png").write_bytes(image_png(np.zeros((ROWS, COLS), np.uint8)))
     examined = diagnose_sequence(open_sequence(left, right))
     assert examined is not None and examined.disparities == pytest.approx((4, 6), abs=0.5)
-
-
-def rows_of(out: Path) -> list[dict[str, str]]:
-    with (out / "frames.csv").open(newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def untimed(out: Path) -> list[dict[str, str]]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from pathlib import Path
 
@@ -12,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from pairs import texture
-from small_drives import Counting, contents, matched, write_frames
+from small_drives import Counting, contents, matched, rows_of, write_frames
 
 from stereolag import DisparityMap, Reason, StereoBM, StereoSGBM, preset
 from stereolag.core.arrays import FloatMap
@@ -56,8 +54,7 @@ def drive(folder: Path, *, step: int, count: int = FRAMES) -> StereoSequence:
 
 
 def mean_of(out: Path, column: str, method: str) -> float:
-    rows = csv.DictReader(io.StringIO((out / "frames.csv").read_text()))
-    return float(np.mean([float(row[column]) for row in rows if row["method"] == method and row[column]]))
+    return float(np.mean([float(row[column]) for row in rows_of(out) if row["method"] == method and row[column]]))
 
 
 def made(disparity: FloatMap, reason: Reason | npt.NDArray[np.uint8] = Reason.MEASURED) -> DisparityMap:

@@ -307,24 +307,6 @@ def test_a_sprite_is_found_whatever_the_seed(picture_seed: int, seed: int) -> No
     assert search.score_map is None
 
 
-def test_few_places_are_scored_and_counted_and_the_same_seed_scores_the_same() -> None:
-    image, sprite = sprite_scene(0)
-    searches = [match_template(image, sprite, method="sampled", seed=3) for _ in range(2)]
-    assert 9 <= searches[0].candidates < 76 * 104 / 10
-    assert searches[0].candidates == searches[1].candidates
-    assert searches[0].matches == searches[1].matches
-
-
-def test_scores_are_those_of_the_full_search() -> None:
-    image, sprite = sprite_scene(2)
-    image[30:33, 45:49] = 0
-    every = match_template(image, sprite, method="fft")
-    exact = match_template(image, sprite, method="sampled", seed=0)
-    assert place(exact) == place(every) == SPRITE_PLACE
-    assert exact.matches[0].score == pytest.approx(every.matches[0].score, abs=1e-6)
-    assert exact.matches[0].score < 0.99
-
-
 def test_a_partly_covered_sprite_is_found_by_another_anchor() -> None:
     image, sprite = sprite_scene(4)
     image[23:28, 41:58] = 0

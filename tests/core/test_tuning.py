@@ -110,13 +110,6 @@ def test_the_estimate_orders_settings_as_the_truth_does() -> None:
     assert np.corrcoef(ranks)[0, 1] > 0.9
 
 
-def test_nothing_judges_itself_or_where_little_was_measured() -> None:
-    assert blind().unjudged(BLOCKS) is None
-    assert blind().unjudged(SemiGlobalMatcher()) is judging.Unjudged.JUDGES_ITSELF
-    assert seeing().unjudged(SemiGlobalMatcher()) is None
-    assert judging.TuningPair.of(*NOISE).unjudged(BLOCKS) is judging.Unjudged.TOO_LITTLE_MEASURED
-
-
 def test_strips_are_matched_as_the_whole_is() -> None:
     left, right = shifted_pair(400, 120, 0, -9)
     pair = judging.TuningPair.of(left, right, np.full(left.shape, 9.0))
