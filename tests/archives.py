@@ -1,7 +1,5 @@
 """Files packed as a ZIP."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """A chessboard held before a stereo camera that is known: where its corners are seen, and the pictures taken of it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cache
 from typing import Any

@@ -1,7 +1,5 @@
 """Fixtures for pages under AppTest, without a browser."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A small real pair with its maps, a crop of a bundled example, as the parts of the depth page receive it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache

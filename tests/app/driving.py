@@ -1,7 +1,5 @@
 """Helpers that open the driving page without a browser, wait for it and read it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any
 

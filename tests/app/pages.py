@@ -1,7 +1,5 @@
 """Helpers that open pages of the app without a browser, and act on them."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Helpers that read what a page shows."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re

@@ -1,7 +1,5 @@
 """Settings survive the round trip through an address, and no address can do harm."""
 
-from __future__ import annotations
-
 from urllib.parse import parse_qsl, urlencode
 
 import pytest

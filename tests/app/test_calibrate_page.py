@@ -1,7 +1,5 @@
 """The calibration page: its example, files matched by name, corrections, and downloads."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

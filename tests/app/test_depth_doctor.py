@@ -1,7 +1,5 @@
 """The input doctor's panel: its sentences and its buttons."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """Take it away: every file is offered and has the promised contents, and settings can be loaded again."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The pair that is matched: the changes made to a visitor's files, and the sentences about them."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

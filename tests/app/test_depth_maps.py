@@ -1,7 +1,5 @@
 """The maps of the depth page: their colours and outlines, the one before while one takes long, and of moved sliders."""
 
-from __future__ import annotations
-
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any

@@ -1,7 +1,5 @@
 """The parts of the depth page that look closer at the maps: comparison, values, reasons, scores, and in 3-D."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from typing import Any

@@ -1,7 +1,5 @@
 """Restoring a downloaded result from one file, and stepping through many pairs with the same settings."""
 
-from __future__ import annotations
-
 import io
 import json
 import zipfile

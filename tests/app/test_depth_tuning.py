@@ -1,7 +1,5 @@
 """Sweep and Suggest: jobs in the background of the page, their progress, their results, and when they become void."""
 
-from __future__ import annotations
-
 import re
 import threading
 import time

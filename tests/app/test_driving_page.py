@@ -1,7 +1,5 @@
 """The driving page: a drive is computed, played and told of, its camera is calibrated, and bad files are refused."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

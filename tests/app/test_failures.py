@@ -1,7 +1,5 @@
 """A failure of the app itself: a sentence with a number for the visitor, the traceback under it in the log."""
 
-from __future__ import annotations
-
 import logging
 
 import pytest

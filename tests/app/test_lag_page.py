@@ -1,7 +1,5 @@
 """The lag page: verdicts, recordings of one's own, all methods, the panels, and microphones heard live."""
 
-from __future__ import annotations
-
 import re
 from typing import Any, get_args
 

@@ -1,7 +1,5 @@
 """The settings in use before the controls are drawn equal the values that the controls then show."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """A new stereo method is one class, listed once; a new export is one entry; everything else follows from them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """A page opens from an address and keeps its settings in it, also through steps back; presets set what it holds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any

@@ -1,7 +1,5 @@
 """Every page: it opens and leads to the others, says what it found, and writes numbers and units as readers expect."""
 
-from __future__ import annotations
-
 import ast
 import json
 import re

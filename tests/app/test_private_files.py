@@ -1,7 +1,5 @@
 """Files that a button makes when it is pressed, kept until the browser has fetched them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from unittest.mock import MagicMock
 

@@ -1,7 +1,5 @@
 """Results in bounded memory, and the heavy jobs that compute them: in turn, with progress, until cancelled."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError

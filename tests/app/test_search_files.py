@@ -1,7 +1,5 @@
 """Files of the lag page and the template search: all are offered and correct, and none is made before it is needed."""
 
-from __future__ import annotations
-
 import io
 import json
 import zipfile

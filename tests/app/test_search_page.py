@@ -1,7 +1,5 @@
 """The search page: the answer, templates cut and masks painted, damage, OpenCV beside ours, the search by hand."""
 
-from __future__ import annotations
-
 import base64
 import io
 from typing import Any

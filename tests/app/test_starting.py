@@ -1,7 +1,5 @@
 """``make run``: without a page it prints one sentence. What it prints and serves otherwise: ``tests/package``."""
 
-from __future__ import annotations
-
 import os
 import platform
 import shutil

@@ -4,8 +4,6 @@ A failure after an upgrade of Streamlit means: look at the reason in `stereolag/
 still holds.
 """
 
-from __future__ import annotations
-
 import asyncio
 import inspect
 import re

@@ -1,7 +1,5 @@
 """Live streams over a real websocket, without a page: answers, places, and messages that break the rules."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json

@@ -3,8 +3,6 @@
 Which files are bad, and the sentence about each, is tested in ``tests/core``.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest

@@ -1,7 +1,5 @@
 """Good and bad files as visitors upload them."""
 
-from __future__ import annotations
-
 import io
 import struct
 from typing import Any

@@ -1,7 +1,5 @@
 """Fixtures for the real app in a real browser."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

@@ -1,7 +1,5 @@
 """Cameras that a test plays in the browser, in place of those of the machine."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 

@@ -3,8 +3,6 @@
 Components are tested alone elsewhere, by axe-core too; here they must fit their page, be styled and be heard.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext

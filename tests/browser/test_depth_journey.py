@@ -1,7 +1,5 @@
 """A slider of the depth page while it is dragged, links to the page, and the addresses of its files."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

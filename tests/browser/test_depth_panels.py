@@ -1,7 +1,5 @@
 """The pictures under one crosshair and the match under the pointer alone, used with mouse and keys."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace

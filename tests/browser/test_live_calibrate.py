@@ -1,7 +1,5 @@
 """A calibration that a live camera takes by itself, from a sequence played by the test, and what goes wrong."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

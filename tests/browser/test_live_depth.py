@@ -1,7 +1,5 @@
 """Depth maps of a live camera, played by the test: maps, controls, a frozen frame, and what goes wrong."""
 
-from __future__ import annotations
-
 import re
 import time
 

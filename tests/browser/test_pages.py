@@ -1,8 +1,6 @@
 """Every page in both themes, on a phone and by keyboard alone, with visible focus and no axe-core fault; nothing is cut
 off, jumps or moves by itself."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

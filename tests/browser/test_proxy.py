@@ -1,7 +1,5 @@
 """The proxy of deployment/nginx.conf in front of the app, in a real browser."""
 
-from __future__ import annotations
-
 import re
 import socket
 import subprocess

@@ -1,7 +1,5 @@
 """A small drive of known motion: along a street with a wall at its end, behind a moving car."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import numpy.typing as npt

@@ -1,7 +1,5 @@
 """A picture in which a sign moves, in changing light: resized, covered, out of the picture, near one like it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 

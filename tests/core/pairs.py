@@ -1,7 +1,5 @@
 """Stereo pairs of known displacement: made for the tests, shifted or of surfaces at several depths, and bundled."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

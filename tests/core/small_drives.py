@@ -1,7 +1,5 @@
 """Small stereo sequences made for the tests: textures of known disparity, as pictures, archives and videos."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Iterable, Sequence

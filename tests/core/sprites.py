@@ -1,7 +1,5 @@
 """A sprite in a picture of few colours, as those of games."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

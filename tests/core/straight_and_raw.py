@@ -1,7 +1,5 @@
 """A rectified pair of a known stereo camera, and the same pair as taken by that camera."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import cv2

@@ -1,7 +1,5 @@
 """The searches of the benchmarks: an answer is judged by all true places; found at all of them, and nowhere else."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Boards held before a known stereo camera: the figures of a pose, what is worth keeping, and what is missing."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Boards seen by cameras of known lens and pose: the calibration recovers both, and names the wrong pairs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

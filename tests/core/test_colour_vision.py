@@ -1,7 +1,5 @@
 """Colours that appear together can also be told apart by eyes that lack one type of cone."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

@@ -1,7 +1,5 @@
 """``stereolag depth``: the same figures as the library, the same files as the page."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Every setting of every method and search is a flag, which changes it and nothing else."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any

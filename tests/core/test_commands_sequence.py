@@ -1,7 +1,5 @@
 """``stereolag sequence``: its files, output and exit codes, and how it resumes."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Every stereo matcher: known shifts, reasons for blanks, signs, ranges, presets, contradictions, refusals."""
 
-from __future__ import annotations
-
 import re
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path

@@ -1,7 +1,5 @@
 """README, docs/, docstrings: links, includes and names are valid, programs and examples run, figures are measured."""
 
-from __future__ import annotations
-
 import ast
 import doctest
 import importlib

@@ -1,7 +1,5 @@
 """Figures, coverage, agreement and confidence of disparity maps, counted by hand and by plain formulas."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Explanations of a match compared with the map that it explains; example pixels; the reasons of blank pixels."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

@@ -1,7 +1,5 @@
 """Charts: their lines, marks and grids stand where the results are."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Checks, filters and filling of a map, each compared with its plain formula."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 import pytest

@@ -1,7 +1,5 @@
 """Optical flow: known motions, signs, types, refusals, another program's answer, and the verdict on two frames."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import numpy.typing as npt

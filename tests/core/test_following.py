@@ -1,7 +1,5 @@
 """A template followed through frames: where it is, and when it cannot be told."""
 
-from __future__ import annotations
-
 import math
 
 import cv2

@@ -1,7 +1,5 @@
 """Calibrations: one camera is read from every format, and what is written is read back, by OpenCV too."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import replace
 

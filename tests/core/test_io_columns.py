@@ -1,7 +1,5 @@
 """Columns as loggers, oscilloscopes and spreadsheets write them: channels, on the clock of their times."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import UTC, datetime, timedelta

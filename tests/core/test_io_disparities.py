@@ -1,7 +1,5 @@
 """Maps as files: read as their makers intended, written for this library, OpenCV, Pillow and PLY readers."""
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Callable

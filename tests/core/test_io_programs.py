@@ -1,7 +1,5 @@
 """Exported programs make the same maps bit for bit, and files of settings the same matcher, also in OpenCV."""
 
-from __future__ import annotations
-
 import ast
 import json
 from functools import partial

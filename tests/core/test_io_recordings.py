@@ -1,7 +1,5 @@
 """Recordings: arrays, files of other programs by name, what is no recording at all; and at other rates."""
 
-from __future__ import annotations
-
 import gzip
 import io
 import pickle

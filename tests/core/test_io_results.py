@@ -1,7 +1,5 @@
 """Results as files are read back; programs and commands of searches are run again."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

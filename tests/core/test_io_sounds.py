@@ -1,7 +1,5 @@
 """Sound of audio files and videos: what other programs wrote is read, in its place in time, or refused by its name."""
 
-from __future__ import annotations
-
 import struct
 import tracemalloc
 from pathlib import Path

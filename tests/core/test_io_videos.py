@@ -1,7 +1,5 @@
 """Frames of videos by number: exactly those asked for, and none from hostile files."""
 
-from __future__ import annotations
-
 import pickle
 import random
 from contextlib import suppress

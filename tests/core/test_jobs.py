@@ -1,7 +1,5 @@
 """Limits in the environment; the cost table matches real costs; too large a job is refused before it allocates."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

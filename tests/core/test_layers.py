@@ -1,7 +1,5 @@
 """The layers listed in ARCHITECTURE.md: imports only go down, without cycles, and the library imports no UI."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import importlib.util

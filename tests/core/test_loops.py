@@ -1,7 +1,5 @@
 """Compilation, machine code and bands of rows."""
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import importlib
@@ -74,7 +72,7 @@ class Start:
         theirs.close()
         assert self._pipe.recv() == "ready"
 
-    def go(self) -> Start:
+    def go(self) -> "Start":
         self._pipe.send("go")
         return self
 

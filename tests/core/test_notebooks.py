@@ -1,7 +1,5 @@
 """Results in notebooks: the verdict comes first, pictures are decodable and small, and the example notebook runs."""
 
-from __future__ import annotations
-
 import ast
 import base64
 import html

@@ -1,7 +1,5 @@
 """A stereo pair: its files fitted to each other, its preparation step by step, and the keys that identify it."""
 
-from __future__ import annotations
-
 import io
 import json
 from dataclasses import replace

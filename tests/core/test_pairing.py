@@ -1,7 +1,5 @@
 """Files that belong together are found by their names."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

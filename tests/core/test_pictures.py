@@ -1,7 +1,5 @@
 """Pictures for display: colours, frames, flows, edges and printed legends, read back pixel by pixel."""
 
-from __future__ import annotations
-
 import colorsys
 import re
 

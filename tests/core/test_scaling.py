@@ -1,7 +1,5 @@
 """Settings for smaller or larger images: the same part of them, as far as is allowed."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import pytest

@@ -1,7 +1,5 @@
 """The scene in metres: distances, clouds without flying pixels, their view from above, and rigid motions."""
 
-from __future__ import annotations
-
 import math
 
 import cv2

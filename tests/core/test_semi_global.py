@@ -1,7 +1,5 @@
 """Semi-global matching: costs, paths and selection against plain formulas, and the matcher."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The same job on a Dask cluster: bit-identical maps, and nothing lost with a worker."""
 
-from __future__ import annotations
-
 import importlib.util
 import multiprocessing
 import os

@@ -1,7 +1,5 @@
 """The figures of each frame: flicker, nearest obstacle and errors, and their table."""
 
-from __future__ import annotations
-
 import math
 import pickle
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Motion in a sequence, on a small drive with known speeds."""
 
-from __future__ import annotations
-
 import csv
 import io
 

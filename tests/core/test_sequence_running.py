@@ -1,7 +1,5 @@
 """The job over all frames: written once, resumed, cancelled, with constant memory; and its video."""
 
-from __future__ import annotations
-
 import io
 import json
 import math

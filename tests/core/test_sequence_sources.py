@@ -1,7 +1,5 @@
 """Sources of frames: folders, patterns, an archive, two videos, one side-by-side video."""
 
-from __future__ import annotations
-
 import io
 import pickle
 import random

@@ -1,7 +1,5 @@
 """Maps steadied by the previous frame: less flicker, no smearing, no delay, and reproducible to the bit."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

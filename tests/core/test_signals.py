@@ -1,7 +1,5 @@
 """`signal_lag`: known delays, real recordings, long ones in blocks and bands; the loops behind it; refusals."""
 
-from __future__ import annotations
-
 import dataclasses
 import tracemalloc
 from collections.abc import Callable

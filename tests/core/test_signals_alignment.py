@@ -1,7 +1,5 @@
 """Recording 2 on the clock of recording 1: measured again, no lag is left at any time."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 import pytest

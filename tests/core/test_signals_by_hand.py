@@ -1,7 +1,5 @@
 """Recordings to slide, to disturb and to turn by hand: the texts beside them hold, and correlation agrees."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

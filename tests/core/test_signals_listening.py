@@ -1,7 +1,5 @@
 """The lag of two channels while they are heard: found, followed when the source moves, and silence is no lag."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 import pytest

@@ -1,7 +1,5 @@
 """The verdict on a lag: never sure for noise, sure for sounds in noise, ambiguous for tones; the lag over time."""
 
-from __future__ import annotations
-
 from typing import get_args
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Template search: known places, independent oracles, several matches, exact pixels, and the formulas behind it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

@@ -1,7 +1,5 @@
 """A template search to do by hand: reduced, narrowed as one would by looking, and packed without loss."""
 
-from __future__ import annotations
-
 import io
 from typing import Any
 

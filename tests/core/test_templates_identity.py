@@ -1,7 +1,5 @@
 """What a place shows beside the template: it, in another light, covered, drawn over, a sibling, or something else."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import product
 from typing import Any

@@ -1,7 +1,5 @@
 """Templates of which not all counts or shows: soft alpha, blurred masks, shapes of one colour, pixels without data."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

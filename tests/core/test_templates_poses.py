@@ -1,7 +1,5 @@
 """Templates that are smaller, larger or rotated in the image: size, angle and place are recovered."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from contextlib import suppress

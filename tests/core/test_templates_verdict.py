@@ -1,7 +1,5 @@
 """Which place is the template: leads over rivals and variants, and what survives damage, by OpenCV too."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Settings judged on pairs, tried in grids, and searched for: what counts, what stays, and when nothing is better."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The windows' loops against plain formulas: sums, both engines, peak fits, and the spread over pixels."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

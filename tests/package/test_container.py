@@ -1,7 +1,5 @@
 """The container and the compose file, as far as they run without Docker: each step in a bare folder."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """The wheel: it contains all files that the library and the app need, and works away from the checkout."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

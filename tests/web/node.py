@@ -1,7 +1,5 @@
 """Functions of the app's JavaScript modules, called from Python by Node."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

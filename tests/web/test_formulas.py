@@ -1,7 +1,5 @@
 """Formulas that the browser computes while something is moved by hand: they give what the library gives."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import Any
 
