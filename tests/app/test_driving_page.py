@@ -155,14 +155,11 @@ def test_what_is_cancelled_stays_and_can_go_on() -> None:
     assert player(app)["name"] != shown["name"]
 
 
-def test_what_is_no_sequence_is_refused_in_a_sentence() -> None:
+def test_what_is_no_sequence_and_one_of_two_videos_that_is_none_are_refused_in_a_sentence() -> None:
     app = opened(b"no video at all" * 9)
     assert "video" in app.error[0].value
     names = [one.proto.component_name for one in app.get("bidi_component")]
     assert "stereolag.player" not in names  # not even for the example shown until a file is given
-
-
-def test_one_of_two_videos_is_refused_before_the_other_is_there() -> None:
     app = page(TWO)
     uploaded(app, "driving", left=("report.pdf", b"%PDF-1.7"))
     assert "“report.pdf”: This is not a video" in app.error[0].value
@@ -199,8 +196,8 @@ def test_motion_without_a_calibration_is_the_flow_alone_and_with_one_tells_speed
     wheel = shown["legends"][-1]
     assert wheel["picture"].startswith("data:image/png;base64,") and "rim" in wheel["words"][0]
     app.number_input(key="driving.focal").set_value(moving_drives.CAMERA.focal_px)
-    app.number_input(key="driving.baseline").set_value(moving_drives.CAMERA.baseline_m).run()
-    labelled(app.number_input, "Frames per second").set_value(2 * moving_drives.RATE).run()
+    app.number_input(key="driving.baseline").set_value(moving_drives.CAMERA.baseline_m)
+    labelled(app.number_input, "Frames per second").set_value(2 * moving_drives.RATE)
     app = with_motion(app, "arrows")
     shown = player(app)
     assert shown["titles"][-1] == "Optical flow" and all(not legend["picture"] for legend in shown["legends"])

@@ -326,20 +326,16 @@ def test_places_are_given_in_order_of_arrival_and_given_back(open_stream: Any, m
         assert next_answer(sockets[3])["number"] == 4
 
 
-def test_a_stream_ends_when_its_time_is_over(open_stream: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(streams, "SECONDS_PER_MINUTE", 0.5)
-    with limited(max_live_minutes=1):
-        _, socket = open_stream()
-        assert code_of_end(socket, packed_item({}).data) == streams.TOO_LONG
-
-
-def test_a_stream_that_waits_ends_when_its_time_is_over(open_stream: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stream_ends_when_its_time_is_over_also_while_it_waits(open_stream: Any, monkeypatch: Any) -> None:
     with limited(max_live_streams=1, max_live_minutes=1):
         _, first = open_stream()
         assert number_answered(first, 1) == 1
         monkeypatch.setattr(streams, "SECONDS_PER_MINUTE", 0.5)
         _, waiting = open_stream()
         assert code_of_end(waiting, packed_item({}).data) == streams.TOO_LONG
+    with limited(max_live_minutes=1):
+        _, socket = open_stream()
+        assert code_of_end(socket, packed_item({}).data) == streams.TOO_LONG
 
 
 def by_streamlit(stream: Stream, number: int, data: bytes | int = 0) -> int:

@@ -123,8 +123,9 @@ def test_results_keep_their_place_and_the_slider_the_focus_while_an_answer_is_co
         settled(page)
 
 
-def test_it_opens_in_both_themes_and_nothing_is_cut_from_a_phone_to_a_wide_screen(page: Page) -> None:
+def test_nothing_moves_by_itself_in_either_theme_nor_is_cut_from_a_phone_to_a_wide_screen(page: Page) -> None:
     no_exception(page)
+    assert page.evaluate(RUNNING) == 0
     page.evaluate(COUNT_TRANSITIONS)
     turned_dark(page, width=PHONE)
     assert page.evaluate("transitions") == 0  # inherited colours start thousands of 1 ms transitions: half of all time
@@ -135,10 +136,6 @@ def test_it_opens_in_both_themes_and_nothing_is_cut_from_a_phone_to_a_wide_scree
     screenshot(page)
     page.emulate_media(color_scheme="light")
     expect(page.get_by_test_id("stApp")).to_have_css("color-scheme", "light")
-
-
-def test_nothing_moves_by_itself_for_whoever_asks_for_that(page: Page) -> None:
-    assert page.evaluate(RUNNING) == 0
 
 
 def test_it_is_worked_by_keys_alone_and_axe_finds_no_fault(name, page, address, request):

@@ -81,12 +81,9 @@ def test_flat_and_short_recordings_have_no_excerpt() -> None:
     assert by_hand.excerpt(np.arange(200.0), np.arange(200.0), 0) is None
 
 
-def test_a_tone_fits_at_every_period() -> None:
+def test_a_tone_fits_at_every_period_and_noise_comes_nowhere_near_a_match() -> None:
     slide = by_hand.tone()
     assert lags(slide, sums(slide)) == list(range(-80, 101, 20))
-
-
-def test_noise_comes_nowhere_near_a_match() -> None:
     slide = by_hand.noise()
     assert sums(slide).max() < 0.5 * slide.cut @ slide.cut
     assert scores(slide).max() == pytest.approx(0.45, abs=0.005)  # the value in the text beside it

@@ -331,15 +331,12 @@ def test_a_copy_of_another_brightness_is_a_rival_of_an_exact_one_unless_its_cont
     assert (search.best.row, search.best.col) == (40, 70)
 
 
-def test_pixels_that_are_not_exact_are_honestly_not_found() -> None:
+def test_pixels_that_are_not_exact_are_honestly_not_found_and_dark_ones_among_bright_integers_are() -> None:
     image, sprite = sprite_scene(6)
     sprite[:, :, :3] ^= 1
     assert match_template(image, sprite, method="fft").found
     search = match_template(image // 2 * 2, sprite | 1, method="sampled")
     assert (search.found, search.candidates) == (False, 0)
-
-
-def test_a_dark_template_of_bright_integers_is_found() -> None:
     image, sprite = (one.astype(np.int32) for one in sprite_scene(7))
     image[0, 0] = 300
     assert match_template(image, sprite, method="sampled").matches[0].row == 23

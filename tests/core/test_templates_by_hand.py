@@ -209,15 +209,14 @@ def test_each_stage_keeps_the_places_that_one_finds_by_looking() -> None:
         anchors(image.astype(np.uint16), sprite, None)
 
 
-def test_many_dots_are_thinned_and_too_many_places_not_scored() -> None:
+def test_many_dots_are_thinned_many_places_not_scored_and_of_many_colours_rare_and_common_ones_are_offered() -> (
+    None
+):
     image = np.random.default_rng(0).integers(0, 3, (400, 500), dtype=np.uint8)
     for anchor in anchors(image, image[100:220, 200:330], None):
         assert anchor.counts[1] > 20_000
         assert MAX_DOTS / 2 < len(anchor.dots[0]) <= MAX_DOTS
         assert anchor.best is None
-
-
-def test_a_template_of_many_colours_offers_rare_and_common_ones() -> None:
     image = (np.random.default_rng(0).normal(128, 25, (200, 300)).clip(0, 255)).astype(np.uint8)
     counts = [anchor.counts[1] for anchor in anchors(image, image[40:90, 60:130], None)]
     assert len(counts) == MAX_ANCHORS

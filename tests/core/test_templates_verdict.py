@@ -242,15 +242,12 @@ def test_both_give_the_same_scores(mask: Image | None, dtype: str, grey: bool) -
     np.testing.assert_allclose(theirs.score_map, ours.score_map, atol=1e-4)
 
 
-def test_alpha_is_the_mask() -> None:
+def test_alpha_is_the_mask_and_flat_windows_under_it_are_counted_and_passed_over() -> None:
     template = np.dstack([SCENE[30:50, 40:64], MASK * 255])
     by_alpha, by_mask = opencv_search(SCENE, template), opencv_search(SCENE, SCENE[30:50, 40:64], mask=MASK)
     np.testing.assert_array_equal(by_alpha.score_map, by_mask.score_map)
     assert is_masked(template, None)
     assert not is_masked(SCENE, None)
-
-
-def test_under_a_mask_flat_windows_are_counted_and_passed_over() -> None:
     image = SCENE.copy()
     image[60:] = 90
     result = opencv_search(image, image[30:50, 40:64], mask=MASK)
