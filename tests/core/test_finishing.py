@@ -1,7 +1,6 @@
 """Checks, filters and filling of a map, each compared with its plain formula."""
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -10,6 +9,7 @@ from scipy import ndimage
 
 import stereolag as sl
 from stereolag import CorrelationMatcher, Reason, SearchArea
+from stereolag.core.arrays import EightBit, FloatMap
 from stereolag.core.inputs import local_deviation
 from stereolag.stereo.finishing import stages, surfaces
 from stereolag.stereo.finishing.filling import fill_between_ends_reference, filled_from_behind, filled_from_ends
@@ -57,15 +57,14 @@ def test_empty_bits_do_not_take_the_texture_away(dtype: type, scale: int) -> Non
     assert same.mean() > 0.98
 
 
-FloatMap = npt.NDArray[np.float32]
 NAN = np.float32(np.nan)
 
 
-def measured(disparity: FloatMap) -> npt.NDArray[np.uint8]:
+def measured(disparity: FloatMap) -> EightBit:
     return np.where(np.isfinite(disparity), Reason.MEASURED, Reason.LEFT_RIGHT).astype(np.uint8)
 
 
-def filled(disparity: FloatMap, guide: npt.NDArray[np.uint8]) -> FloatMap:
+def filled(disparity: FloatMap, guide: EightBit) -> FloatMap:
     return surfaces.filled_along_surfaces(disparity, gaps_filled(disparity), guide, surfaces.SurfaceFilling())
 
 
@@ -205,7 +204,7 @@ def test_borders_are_those_counted() -> None:
     assert long[:, :, 0].sum() == 2 * (pairs[0] != pairs[1]).sum()
 
 
-def painted(shape: tuple[int, int], seed: int = 0) -> npt.NDArray[np.uint8]:
+def painted(shape: tuple[int, int], seed: int = 0) -> EightBit:
     return np.random.default_rng(seed).integers(90, 110, (*shape, 3), dtype=np.uint8)
 
 

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from commanded import Command
 from pydantic import Field
 
 import stereolag as sl
 from stereolag.commands.arguments import CommandParser, SettingsFlags
+from stereolag.core.arrays import Vector
 from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.io.arrays import npy
 from stereolag.io.images import image_png
@@ -34,10 +34,8 @@ from stereolag.io.results import (
 from stereolag.signals.over_time import LagOverTime, Stretch
 from tests.programs import run_program
 
-Signal = npt.NDArray[np.float64]
 
-
-def apart(lag: int, size: int = 3000) -> tuple[Signal, Signal]:
+def apart(lag: int, size: int = 3000) -> tuple[Vector, Vector]:
     """Return two recordings, the second of which hears the sound `lag` samples later."""
     noise = np.random.default_rng(0).uniform(-0.5, 0.5, size + abs(lag))
     first, second = noise[max(0, lag) :][:size], noise[max(0, -lag) :][:size]

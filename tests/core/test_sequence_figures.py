@@ -5,11 +5,11 @@ import pickle
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from pairs import texture
 
 from stereolag import Calibration, StereoSGBM
+from stereolag.core.arrays import FloatMap
 from stereolag.geometry.scene import ground_of, nearest_obstacle
 from stereolag.io.disparities import kitti_png, pfm
 from stereolag.sequences.frames import (
@@ -24,7 +24,6 @@ from stereolag.sequences.frames import (
 )
 from stereolag.sequences.motion import flicker, still_pixels
 
-FloatMap = npt.NDArray[np.float32]
 CALIBRATION = Calibration(focal_px=700.0, baseline_m=0.5)
 
 

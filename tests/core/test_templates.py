@@ -4,18 +4,17 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sprites import SPRITE_PLACE, sprite_scene
 
+from stereolag.core.arrays import Array, DoubleMap, Mask
 from stereolag.core.inputs import FLAT_WHOLE
 from stereolag.templates import TemplateMatch, TemplateMethod, TemplateSearch, match_template
 from stereolag.templates.places import Places, peaks
 from stereolag.templates.score_maps import pearson, score_windows, scores_at
 
-Array = npt.NDArray[Any]
 EVERY_PLACEMENT: tuple[TemplateMethod, ...] = ("fft", "direct")
 EVERY_METHOD: tuple[TemplateMethod, ...] = ("fft", "direct", "sampled")
 
@@ -27,7 +26,7 @@ def random_image(shape: tuple[int, ...], dtype: type = np.uint8, seed: int = 0) 
     return random.integers(0, np.iinfo(dtype).max, shape, dtype=dtype, endpoint=True)
 
 
-def round_mask(height: int, width: int) -> npt.NDArray[np.bool_]:
+def round_mask(height: int, width: int) -> Mask:
     rows, cols = np.mgrid[:height, :width]
     return np.asarray(((rows + 0.5) / height - 0.5) ** 2 + ((cols + 0.5) / width - 0.5) ** 2 < 0.25)
 
@@ -54,7 +53,7 @@ def test_a_copy_is_found_at_its_place_with_progress_from_0_to_1_and_the_argument
 
 
 @st.composite
-def searches(draw: st.DrawFn) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+def searches(draw: st.DrawFn) -> tuple[Array, Array, Mask]:
     """Draw an image with constant regions, perhaps in one constant channel or far from 0, a template and a mask."""
     random = np.random.default_rng(draw(st.integers(0, 2**32)))
     dtype = draw(st.sampled_from([np.uint8, np.uint16, np.float32, np.float64]))
@@ -78,7 +77,7 @@ def searches(draw: st.DrawFn) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
     return image, template, mask
 
 
-def brute_force(image: Array, template: Array, mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
+def brute_force(image: Array, template: Array, mask: Mask) -> DoubleMap:
     """Return Pearson's coefficient at every placement, computed straight from its definition."""
     windows = np.lib.stride_tricks.sliding_window_view(np.atleast_3d(image), mask.shape, axis=(0, 1))[..., mask]
     pattern, flat = np.atleast_3d(template)[mask].T.astype(np.float64), (np.ptp(windows, axis=-1) == 0).all(axis=-1)
@@ -89,7 +88,7 @@ def brute_force(image: Array, template: Array, mask: npt.NDArray[np.bool_]) -> n
 
 @given(searches())
 @settings(max_examples=30)
-def test_the_map_is_the_definition_at_every_placement(search: tuple[Array, Array, npt.NDArray[np.bool_]]) -> None:
+def test_the_map_is_the_definition_at_every_placement(search: tuple[Array, Array, Mask]) -> None:
     image, template, mask = search
     expected = brute_force(image, template, mask)
     for method in EVERY_PLACEMENT:

@@ -6,16 +6,15 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from stereolag import TemplateMatch, TemplateSearch, match_template, read_image
+from stereolag.core.arrays import Array
 from stereolag.samples import stereo_pairs
 from stereolag.templates.identity import Identity, identity
 from stereolag.templates.patterns import pattern_of
 from stereolag.templates.verdict import FOUND
 
-Array = npt.NDArray[Any]
 FINER = 8
 SIDE = 32
 BLUE, GROUND = (0, 95, 184), (243, 243, 243)
@@ -414,7 +413,7 @@ def selection(part: Array, random: np.random.Generator) -> None:
 
 
 def shadow(part: Array, random: np.random.Generator) -> None:
-    away: npt.NDArray[np.floating] = np.zeros(part.shape[:2], np.float32)
+    away: Array = np.zeros(part.shape[:2], np.float32)
     away[9:41, 8:106] = random.uniform(0.3, 0.5)
     away = np.asarray(cv2.GaussianBlur(away, (0, 0), float(random.uniform(2, 4))), np.float32)
     away[7:38, 7:104] = 0

@@ -1,22 +1,19 @@
 """Templates of which not all counts or shows: soft alpha, blurred masks, shapes of one colour, pixels without data."""
 
-from typing import Any
-
 import cv2
 import numpy as np
-import numpy.typing as npt
 import pytest
 from PIL import Image as PillowImage
 from skimage.data import chelsea, coffee
 
 from stereolag import match_template
+from stereolag.core.arrays import Array
 from stereolag.core.jobs import silent
 from stereolag.core.searches import TemplateMethod
 from stereolag.templates.hidden_parts import hidden_places
 from stereolag.templates.patterns import opacity, pattern_of, weights_of
 from stereolag.templates.score_maps import scores_at
 
-Array = npt.NDArray[Any]
 METHODS: tuple[TemplateMethod, ...] = ("fft", "direct")
 
 

@@ -8,20 +8,18 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image, ImageDraw, ImageFont
 
 from benchmarks.searches import drawn
+from stereolag.core.arrays import Array, EightBit
 from stereolag.core.searches import TemplateQuery
 from stereolag.core.settings import Bounds
 from stereolag.templates import estimate_search, match_template
 from stereolag.templates.patterns import pattern_of, warped, warped_shape
 from stereolag.templates.poses import ROTATION_STEP, SCALE_STEP, PoseRange
-
-Array = npt.NDArray[Any]
 
 
 def blobs(shape: tuple[int, ...], seed: int = 0) -> Array:
@@ -225,7 +223,7 @@ def test_more_sizes_and_angles_take_longer() -> None:
 WORDS = ("Account", "Discount", "Connect", "Refresh", "Sensor", "Invoice", "103.07")
 
 
-def words(size: float, named: Sequence[str] = WORDS) -> npt.NDArray[np.uint8]:
+def words(size: float, named: Sequence[str] = WORDS) -> EightBit:
     """Return words below one another at so much of their size, with what a font rounds at each size."""
     picture = Image.new("RGB", (round(220 * size), round(30 * size * len(named) + 20)), (252, 252, 252))
     for number, word in enumerate(named):

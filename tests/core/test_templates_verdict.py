@@ -1,24 +1,22 @@
 """Which place is the template: leads over rivals and variants, and what survives damage, by OpenCV too."""
 
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
 from stereolag import read_image, samples
+from stereolag.core.arrays import Array
 from stereolag.core.inputs import Image
 from stereolag.templates import TemplateMethod, match_template
 from stereolag.templates.places import Places
 from stereolag.templates.trials import Degradation, DegradedPart, degraded_part, is_masked, opencv_search, try_methods
 from stereolag.templates.verdict import leads
 
-Array = npt.NDArray[Any]
 EXAMPLE = samples.mazes()["maze"]
 MAZE, ROCKETMAN = read_image(EXAMPLE.picture), read_image(EXAMPLE.template)
 METHODS: tuple[TemplateMethod, ...] = ("fft", "sampled")
