@@ -85,7 +85,6 @@ def test_of_a_periodic_pair_the_smallest_lag_wins_and_the_ties_are_counted(metho
     seed=st.integers(0, 2**32 - 1),
     method=st.sampled_from(METHODS),
 )
-@settings(max_examples=40)
 def test_any_lag_is_recovered_and_swapping_only_turns_its_sign(size, share, seed, method):
     lag = round(size * share)
     recordings = pair(size, lag, seed)

@@ -295,7 +295,6 @@ def test_the_slope_of_a_peak_is_no_peak_and_a_map_without_scores_has_none() -> N
     assert peaks(np.full((3, 4), np.nan, dtype=np.float32), (5, 6)).rows.size == 0
 
 
-@settings(max_examples=40)
 @given(st.integers(0, 2**32), st.integers(0, 2**32))
 def test_a_sprite_is_found_whatever_the_seed(picture_seed: int, seed: int) -> None:
     search = match_template(*sprite_scene(picture_seed), method="sampled", seed=seed)

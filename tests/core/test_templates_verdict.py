@@ -5,7 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import ndimage
 
@@ -70,7 +70,6 @@ def test_a_lead_is_clear_where_the_rival_differs_clearly_more(best: float, rival
     assert leads(best, rival) == clear
 
 
-@settings(max_examples=40)
 @given(st.integers(0, 2**32), st.integers(1, 12), st.integers(1, 12))
 def test_places_elsewhere_share_no_pixel_and_none_better_is_left_out(seed: int, height: int, width: int) -> None:
     random = np.random.default_rng(seed)
@@ -310,7 +309,6 @@ def degraded(image: Image = PHOTOGRAPH, **settings: float) -> DegradedPart:
     return degraded_part(image, (300, 420), SHAPE, Degradation(**settings))
 
 
-@settings(max_examples=40)
 @given(
     row=st.integers(0, 700 - 31), col=st.integers(0, 900 - 40), dtype=st.sampled_from(["uint8", "uint16", "float64"])
 )
