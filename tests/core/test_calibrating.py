@@ -182,17 +182,14 @@ def test_pairs_that_cannot_be_used_say_why(pairs: Pictures, views: BoardViews) -
     assert result.used == (0, 1, 2)
 
 
-def one_above_the_other(views: BoardViews) -> BoardViews:
+def test_cameras_one_above_the_other_are_calibrated(views: BoardViews, plain: StereoCalibration) -> None:
     width, height = views.size
     left, right = (
         tuple(Corners(one.numbers, one.points[:, ::-1] * [1, -1] + [0, width]) for one in side if one is not None)
         for side in (views.left, views.right)
     )
-    return BoardViews(views.board, (height, width), left, right, (((height, width),) * 2,) * len(views))
-
-
-def test_cameras_one_above_the_other_are_calibrated(views: BoardViews, plain: StereoCalibration) -> None:
-    result = calibrate_boards(one_above_the_other(views), SQUARE_M)
+    turned = BoardViews(views.board, (height, width), left, right, (((height, width),) * 2,) * len(views))
+    result = calibrate_boards(turned, SQUARE_M)
     assert abs(result.calibration.turn) == 1
     assert result.calibration.baseline_m == pytest.approx(plain.calibration.baseline_m, rel=1e-3)
     assert result.row_error == pytest.approx(plain.row_error, abs=0.01)
