@@ -196,7 +196,7 @@ def test_motion_without_a_calibration_is_the_flow_alone_and_with_one_tells_speed
     wheel = shown["legends"][-1]
     assert wheel["picture"].startswith("data:image/png;base64,") and "rim" in wheel["words"][0]
     app.number_input(key="driving.focal").set_value(moving_drives.CAMERA.focal_px)
-    app.number_input(key="driving.baseline").set_value(moving_drives.CAMERA.baseline_m)
+    app.number_input(key="driving.baseline").set_value(moving_drives.CAMERA.baseline_m).run()
     labelled(app.number_input, "Frames per second").set_value(2 * moving_drives.RATE)
     app = with_motion(app, "arrows")
     shown = player(app)
