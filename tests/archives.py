@@ -1,14 +1,11 @@
 """Files packed as a ZIP."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Mapping
 
 
 def zipped(files: Mapping[str, bytes], *, method: int = zipfile.ZIP_STORED) -> bytes:
-    """Return files as a ZIP."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", method) as whole:
         for name, data in files.items():

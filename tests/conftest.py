@@ -1,7 +1,5 @@
 """Fixtures and settings of all tests, including the real data if this machine has it."""
 
-from __future__ import annotations
-
 import gc
 import os
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """A chessboard held before a stereo camera that is known: where its corners are seen, and the pictures taken of it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cache
 from typing import Any
@@ -64,7 +62,6 @@ def held(
 
 
 def seen(poses: tuple[Pose, Pose], noise: np.random.Generator | None = None) -> tuple[Corners, Corners]:
-    """Return the corners of a board in both pictures."""
     found = []
     for camera, pose in zip((LEFT, RIGHT), poses, strict=True):
         places = camera.project(CHESSBOARD.points(), pose)
@@ -92,7 +89,6 @@ def _drawn_cameras() -> tuple[DrawnCamera, DrawnCamera]:
 
 
 def taken(poses: tuple[Pose, Pose]) -> tuple[Rgb, Rgb]:
-    """Return both pictures of a board."""
     left, right = (
         camera.picture(CHESSBOARD, pose)[..., None].repeat(3, axis=2)
         for camera, pose in zip(_drawn_cameras(), poses, strict=True)

@@ -1,7 +1,5 @@
 """Items for the browser, unpacked as its scripts do it."""
 
-from __future__ import annotations
-
 import json
 import zlib
 from typing import Any

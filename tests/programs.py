@@ -1,7 +1,5 @@
 """Helpers that run exported programs unmodified."""
 
-from __future__ import annotations
-
 import io
 import os
 import runpy

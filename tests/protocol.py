@@ -1,7 +1,5 @@
 """A page as the server sends it, read over Streamlit's own protocol."""
 
-from __future__ import annotations
-
 from streamlit.proto.BackMsg_pb2 import BackMsg
 from streamlit.proto.ClientState_pb2 import ClientState
 from streamlit.proto.Element_pb2 import Element

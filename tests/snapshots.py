@@ -5,8 +5,6 @@ test, in a file named after the test file and the test. ``REWRITE_SNAPSHOTS=1 py
 writes the files of the tests that run; with `tests/core/test_snapshots.py` it also deletes those of no test.
 """
 
-from __future__ import annotations
-
 import ast
 import os
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Fixtures for pages under AppTest, without a browser."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from dataclasses import replace
@@ -19,10 +17,8 @@ from streamlit.runtime.scriptrunner.script_cache import ScriptCache
 from streamlit.runtime.scriptrunner_utils import script_run_context
 from streamlit.testing.v1 import AppTest, app_test, local_script_runner
 
-from stereolag import read_signal, samples
-from stereolag.assess.diagnosis import Diagnosis
+from stereolag import Diagnosis, read_image, read_signal, samples
 from stereolag.figures.pictures import as_rgb, png
-from stereolag.io.images import read_image
 from stereolag.ui import background_jobs, calibrate, streamlit_inside, uploads
 from stereolag.ui.driving import inputs
 from tests.app import uploads as uploaded

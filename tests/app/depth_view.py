@@ -1,7 +1,5 @@
 """A small real pair with its maps, a crop of a bundled example, as the parts of the depth page receive it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
@@ -12,16 +10,13 @@ import numpy as np
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
+from stereolag import Calibration, CorrelationMatcher, SearchArea, StereoBM, StereoSGBM
 from stereolag.figures.legends import Colours
 from stereolag.figures.pictures import disparity_range
-from stereolag.geometry.calibration import Calibration
 from stereolag.io.disparities import pfm
 from stereolag.pair import Pair, PairId
 from stereolag.pair_sources import example_pair
 from stereolag.samples import stereo_pairs
-from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.depth.inputs import choose_pair
 from stereolag.ui.depth.view import DepthView
 from tests.app import uploads

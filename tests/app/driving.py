@@ -1,7 +1,5 @@
 """Helpers that open the driving page without a browser, wait for it and read it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -32,7 +30,6 @@ def page(origin: str) -> AppTest:
 
 
 def opened(data: bytes, name: str = "drive.zip") -> AppTest:
-    """Return the page with a ZIP of frames uploaded."""
     app = page(ONE)
     app.file_uploader(key="driving.one").set_value((name, data, "application/zip")).run()
     return app
@@ -51,6 +48,5 @@ def player(app: AppTest) -> dict[str, Any]:
 
 
 def work_of(app: AppTest) -> DriveWork:
-    """Return the work done on the sequence so far."""
     kept: DriveWork = app.session_state[WORK]
     return kept

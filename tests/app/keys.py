@@ -1,7 +1,5 @@
 """Controls that the tests move, by their keys in the app."""
 
-from __future__ import annotations
-
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.controls import exact_key
 from stereolag.ui.depth.maps import SHOWN, TAB

@@ -1,7 +1,5 @@
 """Helpers that open pages of the app without a browser, and act on them."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -45,7 +43,6 @@ def open_page(path: str, before: Mapping[str, Any] = MappingProxyType({})) -> Ap
 
 
 def open_unfolded(path: str) -> AppTest:
-    """Return a page with all its controls drawn."""
     app = open_page(path)
     if path == DEPTH:
         for fold in keys.FOLDS:

@@ -1,7 +1,5 @@
 """Helpers that read what a page shows."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re
@@ -15,12 +13,10 @@ from tests.packed import delivered
 
 
 def address(app: AppTest) -> dict[str, str]:
-    """Return the parameters in the address of a page."""
     return {name: value if isinstance(value, str) else value[0] for name, value in app.query_params.items()}
 
 
 def ignored(app: AppTest) -> list[str]:
-    """Return the warnings about an address."""
     return [warning.value for warning in app.warning if "ignored" in warning.value]
 
 
@@ -62,7 +58,6 @@ def controls(app: AppTest) -> dict[str, Any]:
 
 
 def labelled(elements: Iterable[Any], label: str) -> Any:
-    """Return the element with this label."""
     return next(one for one in elements if one.label == label)
 
 

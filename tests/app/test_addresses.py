@@ -1,7 +1,5 @@
 """Settings survive the round trip through an address, and no address can do harm."""
 
-from __future__ import annotations
-
 from urllib.parse import parse_qsl, urlencode
 
 import pytest
@@ -67,9 +65,7 @@ def test_what_is_as_at_first_is_left_out() -> None:
         (LagSearch(), "sampling_rate", "1,2", "sampling_rate is a list of 2; allowed are numbers above 0."),
     ],
 )
-def test_a_bad_value_is_ignored_with_a_sentence_and_the_others_hold(
-    first: Settings, name: str, value: str, said: str
-) -> None:
+def test_a_bad_value_is_ignored_with_a_sentence_and_the_others_hold(first, name, value, said):
     good = {"overlap": 0.5} if first is FIRST else {}
     settings, ignored = recalled_settings({name: value} | {other: str(one) for other, one in good.items()}, first)
     assert settings == first.model_copy(update=good)

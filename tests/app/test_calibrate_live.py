@@ -1,7 +1,5 @@
 """What a live camera takes of a board, without the browser: which frames it wants, and what it says meanwhile."""
 
-from __future__ import annotations
-
 import json
 import math
 from copy import deepcopy

@@ -1,7 +1,5 @@
 """The calibration page: its example, files matched by name, corrections, and downloads."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 
@@ -125,19 +123,9 @@ def test_pairs_that_contradict_each_other_give_no_calibration_and_are_shown() ->
     assert len(app.get("image")) == 2
 
 
-TEXTURE = uploads.png(uploads.texture(40, 60))
-
-
-@pytest.mark.parametrize(
-    ("contents", "sentence"),
-    [
-        ({"a.png": TEXTURE, "b.png": TEXTURE}, "No left and right pictures match by name"),
-        ({"left1.png": b"no picture", "right1.png": b"none"}, "accepted are"),
-    ],
-)
-def test_files_that_cannot_be_used_are_refused_with_a_sentence(contents: dict[str, bytes], sentence: str) -> None:
-    app = given(*contents.items())
-    assert sentence in app.error[0].value
+def test_files_that_cannot_be_used_are_refused_with_a_sentence() -> None:
+    app = given(("left1.png", b"no picture"), ("right1.png", b"none"))
+    assert "accepted are" in app.error[0].value
     assert not app.header
 
 

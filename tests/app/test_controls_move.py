@@ -1,7 +1,5 @@
 """Moving any control of a page changes what is shown; controls of stereo methods: ``test_matcher_controls``."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The input doctor's panel: its sentences and its buttons."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
@@ -53,9 +51,7 @@ def healthy(app: AppTest) -> bool:
 
 # Which fault has which remedy, and what a remedy loses, is tested in tests/core.
 @pytest.mark.parametrize("code", [FindingCode.EXPOSURE, FindingCode.BENT_ROWS])
-def test_a_problem_is_fixed_by_a_click_and_comes_back_with_undo(
-    code: FindingCode, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_problem_is_fixed_by_a_click_and_comes_back_with_undo(code, monkeypatch):
     monkeypatch.setattr(st, "page_link", lambda *page, **shown: None)  # an app of one function has no other page
     remedy = REMEDIES.get(code, Remedy.RECTIFY)
     pair = cube(code, ILLS.get(code, lambda *views: (barrel(views[0], -0.3), barrel(views[1], -0.3))))

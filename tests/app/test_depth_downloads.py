@@ -1,7 +1,5 @@
 """Take it away: every file is offered and has the promised contents, and settings can be loaded again."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from dataclasses import replace
@@ -59,7 +57,6 @@ def refusals(download: Download) -> dict[str, str]:
 
 
 def metrics(download: Download) -> list[str]:
-    """Return the lines of the table of figures."""
     return str(made(download)["metrics.csv"].make()).splitlines()
 
 
@@ -158,9 +155,7 @@ def large_view(*matchers: StereoMatcher) -> DepthView:
 
 
 @pytest.mark.parametrize("heavy", [False, True])
-def test_from_a_reduced_preview_all_is_for_the_pair_in_its_own_size(
-    heavy: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_from_a_reduced_preview_all_is_for_the_pair_in_its_own_size(heavy, tmp_path, monkeypatch):
     monkeypatch.setattr("stereolag.ui.depth.downloads.is_heavy", lambda estimate: heavy)
     block = StereoBM(num_disparities=32, block_size=11)
     download = Download(large_view(block, CORRELATION), "StereoBM")
@@ -215,9 +210,7 @@ def rectified_here(above: bool, remedies: tuple[Remedy, ...] = ()) -> Pair:
     [(False, (), False), (True, (), False), (False, (Remedy.MATCH_EXPOSURE,), True)],
     ids=["side by side", "above each other", "treated, one distance known"],
 )
-def test_the_program_goes_from_the_raw_pair_in_the_zip_to_its_metres(
-    above: bool, remedies: tuple[Remedy, ...], known: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_program_goes_from_the_raw_pair_in_the_zip_to_its_metres(above, remedies, known, tmp_path, monkeypatch):
     pair = rectified_here(above, remedies)
     assert pair.turn == above
     view = view_of(pair, BLOCK)

@@ -1,7 +1,5 @@
 """The pair that is matched: the changes made to a visitor's files, and the sentences about them."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 
@@ -11,9 +9,8 @@ import straight_and_raw
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
+from stereolag import CorrelationMatcher, StereoBM
 from stereolag.core.typography import typeset
-from stereolag.stereo.opencv import StereoBM
-from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.ui.depth.inputs import choose_pair
 from stereolag.ui.matcher_controls import ask_matcher, control_state
 from tests.app import keys, uploads

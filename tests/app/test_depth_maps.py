@@ -1,7 +1,5 @@
 """The maps of the depth page: their colours and outlines, the one before while one takes long, and of moved sliders."""
 
-from __future__ import annotations
-
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -10,11 +8,10 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag import samples
+from stereolag import CorrelationMatcher, samples
 from stereolag.figures.pictures import edge_path
 from stereolag.pair_sources import example_pair
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.ui import results
 from stereolag.ui.controls import class_of
 from stereolag.ui.depth import view
@@ -91,9 +88,7 @@ def test_the_reports_preset_turns_the_colours_round_and_another_turns_them_back(
         assert bytes.fromhex(colours(app)["palette"]) == shown
 
 
-def test_the_switch_lays_the_edges_of_the_left_image_over_every_map(
-    computed: list[Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_switch_lays_the_edges_of_the_left_image_over_every_map(computed, monkeypatch):
     made: list[Any] = []
     monkeypatch.setattr(view, "edge_path", lambda image: made.append(image) or edge_path(image))
     app = open_unfolded(DEPTH)

@@ -1,7 +1,5 @@
 """The parts of the depth page that look closer at the maps: comparison, values, reasons, scores, and in 3-D."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -11,6 +9,7 @@ import plotly.io
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereolag import CorrelationMatcher, evaluate, preset, read_image
 from stereolag.assess.explaining import explain_match
 from stereolag.assess.judging import measured_reference
 from stereolag.core.typography import typeset
@@ -18,11 +17,7 @@ from stereolag.figures.clouds import birds_eye, point_cloud
 from stereolag.figures.maps import ERROR_COLOURS, NO_TRUTH, error_png
 from stereolag.figures.pictures import NO_ANSWER
 from stereolag.geometry.scene import birds_eye_view
-from stereolag.io.images import read_image
 from stereolag.pair import PairId
-from stereolag.stereo.evaluation import evaluate
-from stereolag.stereo.methods import preset
-from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.ui.depth.comparing import show_comparison, show_scoreboard
 from stereolag.ui.depth.distances import VIEWS, show_readout, show_space
 from stereolag.ui.depth.explaining import show_blanks, show_inspection, show_overlap
@@ -134,12 +129,7 @@ def test_a_pixel_has_its_window_its_scores_its_row_and_the_disparity_by_each_met
 
 
 def test_the_buttons_show_what_they_promise() -> None:
-    promised = {
-        "clear": "One clear peak",
-        "repeats": "the pattern repeats",
-        "bare": "bare wall",
-        "hidden": "**wrong**",
-    }
+    promised = {"clear": "One clear peak", "repeats": "the pattern repeats", "bare": "bare wall", "hidden": "**wrong**"}
     app, pixels = part_of_page(show_inspection), set()
     for kind, says in promised.items():
         app.button(key=f"depth.inspection.{kind}").click().run()

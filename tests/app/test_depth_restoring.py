@@ -1,7 +1,5 @@
 """Restoring a downloaded result from one file, and stepping through many pairs with the same settings."""
 
-from __future__ import annotations
-
 import io
 import json
 import zipfile
@@ -48,7 +46,6 @@ def page() -> None:
 
 
 def stepping(files: dict[str, bytes]) -> AppTest:
-    """Return the page on a set of pairs."""
     return uploaded(own_files(page, "several"), "pairs", several=("pairs.zip", zipped(files)))
 
 

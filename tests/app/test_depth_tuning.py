@@ -1,7 +1,5 @@
 """Sweep and Suggest: jobs in the background of the page, their progress, their results, and when they become void."""
 
-from __future__ import annotations
-
 import re
 import threading
 import time
@@ -13,6 +11,7 @@ import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
+from stereolag import CorrelationMatcher, SearchArea, StereoBM, preset
 from stereolag.assess.findings import Remedy
 from stereolag.assess.judging import Criterion, TuningPair, sweep
 from stereolag.assess.suggestion import Outcome, Suggestion
@@ -21,10 +20,6 @@ from stereolag.core.typography import typeset
 from stereolag.figures.maps import sweep_bad, sweep_maps
 from stereolag.pair import PairId, Rows
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
-from stereolag.stereo.methods import preset
-from stereolag.stereo.opencv import StereoBM
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.background_jobs import Job
 from stereolag.ui.depth.preparing import rows_key
 from stereolag.ui.depth.state import ADOPTED
@@ -286,9 +281,7 @@ def of_set(number: int, *remedies: Remedy) -> DepthView:
     ],
     ids=["nothing", "step", "another pair", "remedy", "rows", "frame", "size"],
 )
-def test_another_pair_or_preparation_calls_a_job_off_and_a_step_does_not(
-    view: DepthView, state: dict[str, Any], there: bool
-) -> None:
+def test_another_pair_or_preparation_calls_a_job_off_and_a_step_does_not(view, state, there):
     app = part_of_page(looking, of_set(0))
     for key, value in {"view": view, **state}.items():
         app.session_state[key] = value

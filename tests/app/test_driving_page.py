@@ -1,7 +1,5 @@
 """The driving page: a drive is computed, played and told of, its camera is calibrated, and bad files are refused."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -19,9 +17,8 @@ import pytest
 import straight_and_raw
 from streamlit.testing.v1 import AppTest
 
-from stereolag.assess.diagnosis import Diagnosis
+from stereolag import Diagnosis, read_disparity
 from stereolag.figures.pictures import coloured
-from stereolag.io.disparities import read_disparity
 from stereolag.io.images import image_png, read_image
 from stereolag.samples import stereo_pairs
 from stereolag.ui.depth.view import HANDED
@@ -125,9 +122,7 @@ def test_other_methods_ranges_and_steadiness_are_computed_anew() -> None:
 CANCELLED = 16
 
 
-def test_the_example_is_called_off_while_own_frames_are_awaited_and_goes_on_for_who_returns(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_example_is_called_off_while_own_frames_are_awaited_and_goes_on_for_who_returns(monkeypatch):
     def unending(*given: Any, cancelled: Callable[[], bool], **more: Any) -> SimpleNamespace:
         while not cancelled():
             time.sleep(0.01)
@@ -160,14 +155,11 @@ def test_what_is_cancelled_stays_and_can_go_on() -> None:
     assert player(app)["name"] != shown["name"]
 
 
-def test_what_is_no_sequence_is_refused_in_a_sentence() -> None:
+def test_what_is_no_sequence_and_one_of_two_videos_that_is_none_are_refused_in_a_sentence() -> None:
     app = opened(b"no video at all" * 9)
     assert "video" in app.error[0].value
     names = [one.proto.component_name for one in app.get("bidi_component")]
     assert "stereolag.player" not in names  # not even for the example shown until a file is given
-
-
-def test_one_of_two_videos_is_refused_before_the_other_is_there() -> None:
     app = page(TWO)
     uploaded(app, "driving", left=("report.pdf", b"%PDF-1.7"))
     assert "“report.pdf”: This is not a video" in app.error[0].value
@@ -205,7 +197,7 @@ def test_motion_without_a_calibration_is_the_flow_alone_and_with_one_tells_speed
     assert wheel["picture"].startswith("data:image/png;base64,") and "rim" in wheel["words"][0]
     app.number_input(key="driving.focal").set_value(moving_drives.CAMERA.focal_px)
     app.number_input(key="driving.baseline").set_value(moving_drives.CAMERA.baseline_m).run()
-    labelled(app.number_input, "Frames per second").set_value(2 * moving_drives.RATE).run()
+    labelled(app.number_input, "Frames per second").set_value(2 * moving_drives.RATE)
     app = with_motion(app, "arrows")
     shown = player(app)
     assert shown["titles"][-1] == "Optical flow" and all(not legend["picture"] for legend in shown["legends"])
@@ -290,9 +282,7 @@ def test_a_calibration_of_another_shape_is_told_of_and_one_that_fits_leaves_rect
     ("found", "first", "count", "warned"),
     [((300, 32), 240, 16, "up to about 332"), ((10, 240), 10, 240, ""), ((-16, 48), 0, 48, "down to about −16")],
 )
-def test_a_range_beyond_the_files_of_maps_is_bounded_and_told_of(
-    monkeypatch: pytest.MonkeyPatch, found: tuple[int, int], first: int, count: int, warned: str
-) -> None:
+def test_a_range_beyond_the_files_of_maps_is_bounded_and_told_of(monkeypatch, found, first, count, warned):
     monkeypatch.setattr(inputs, "diagnose_sequence", lambda drive: Diagnosis((), None, found))
     app = finished(opened(archive(straight_and_raw.straight_pair(seed=count), count=1)))
     smallest = labelled(app.number_input, "Smallest disparity, px")

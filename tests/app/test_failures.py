@@ -1,7 +1,5 @@
 """A failure of the app itself: a sentence with a number for the visitor, the traceback under it in the log."""
 
-from __future__ import annotations
-
 import logging
 
 import pytest
@@ -33,9 +31,7 @@ def no_failure_logged() -> None:
 
 @pytest.mark.parametrize("where", ["page", "part"])
 @pytest.mark.parametrize(("kind", "says"), [("bug", "Something failed unexpectedly"), ("memory", "enough memory")])
-def test_a_failure_is_answered_with_a_sentence_and_a_number(
-    caplog: pytest.LogCaptureFixture, where: str, kind: str, says: str
-) -> None:
+def test_a_failure_is_answered_with_a_sentence_and_a_number(caplog, where, kind, says):
     with caplog.at_level(logging.ERROR, logger="stereolag"):
         app = page_of(page, {"where": where, "kind": kind})
     said = app.error[0].value

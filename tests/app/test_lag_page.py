@@ -1,7 +1,5 @@
 """The lag page: verdicts, recordings of one's own, all methods, the panels, and microphones heard live."""
 
-from __future__ import annotations
-
 import re
 from typing import Any, get_args
 
@@ -100,9 +98,7 @@ def test_another_rate_is_brought_to_the_lower_and_said() -> None:
         ("b.csv", uploads.csv(SOUND), "0.02268 s", "at 333 m/s and 44,100 Hz, both assumed."),
     ],
 )
-def test_without_a_rate_that_of_the_other_is_taken_or_one_is_assumed(
-    name: str, data: bytes, time: str, assumed: str
-) -> None:
+def test_without_a_rate_that_of_the_other_is_taken_or_one_is_assumed(name, data, time, assumed):
     app = measured(("a.csv", uploads.csv(SOUND[1_000:])), (name, data))
     assert typeset(f"**{time}**") in app.header[0].value
     assert app.header[0].value.endswith(typeset(assumed))
@@ -173,7 +169,6 @@ EXAMPLES = {
 
 
 def examples(app: AppTest, panel: str) -> list[dict[str, Any]]:
-    """Return the examples of a panel."""
     app.session_state["lag.part"] = EXAMPLES[panel][0]
     app.run()
     (data,) = told(app, panel)

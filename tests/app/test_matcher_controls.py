@@ -1,7 +1,5 @@
 """The settings in use before the controls are drawn equal the values that the controls then show."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest
@@ -61,9 +59,7 @@ def other_values(control: Any) -> list[Any]:
 
 
 @pytest.mark.parametrize("method", [method.short_name for method in METHODS])
-def test_any_control_changes_the_settings_of_its_method_alone_and_a_slider_does_while_dragged(
-    method: str,
-) -> None:
+def test_any_control_changes_the_settings_of_its_method_alone_and_a_slider_does_while_dragged(method):
     app = opened("cube")
     app.button_group(key=keys.TAB).set_value(method).run()
     at_first = app.session_state["met"][1]

@@ -1,9 +1,6 @@
 """A new stereo method is one class, listed once; a new export is one entry; everything else follows from them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Annotated
 
 import cv2
@@ -48,7 +45,6 @@ class MadeUp(StereoMatcher):
     )
 
     def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
-        """Match the images in grey."""
         one, other = (as_grey(image).astype(np.float32) for image in (left, right))
         costs = np.empty((self.num_disparities, *one.shape), np.float32)
         for lag in range(self.num_disparities):
@@ -100,9 +96,7 @@ def test_a_new_method_joins_the_parts_below_the_maps() -> None:
 
 
 @pytest.mark.usefixtures("listed")
-def test_a_new_method_has_its_flags_and_goes_out_as_settings_and_as_a_program(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_new_method_has_its_flags_and_goes_out_as_settings_and_as_a_program(tmp_path, capsys):
     image = np.random.default_rng(1).integers(0, 255, (40, 80), dtype=np.uint8)
     pair = [str(tmp_path / f"{side}.png") for side in ("left", "right")]
     for name in pair:

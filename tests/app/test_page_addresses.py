@@ -1,7 +1,5 @@
 """A page opens from an address and keeps its settings in it, also through steps back; presets set what it holds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -93,9 +91,7 @@ BAD: list[tuple[str, dict[str, str], list[str]]] = [
 
 
 @pytest.mark.parametrize(("page", "link", "fragments"), BAD)
-def test_what_is_bad_in_a_link_is_answered_with_a_sentence_each_and_opens_the_page(
-    page: str, link: dict[str, str], fragments: list[str]
-) -> None:
+def test_what_is_bad_in_a_link_is_answered_with_a_sentence_each_and_opens_the_page(page, link, fragments):
     app = linked(page, **link)
     said = ignored(app)
     assert len(said) == len(link)
@@ -122,12 +118,10 @@ def test_the_address_of_own_files_shows_no_example_and_its_settings_wait_for_the
 
 
 def tab(app: AppTest, method: str) -> AppTest:
-    """Open the controls of a method."""
     return moved(app, {keys.TAB: method})
 
 
 def preset(app: AppTest, name: str) -> AppTest:
-    """Press the button of a preset, or of the reset."""
     return app.button(key=keys.preset_key(name)).click().run()
 
 

@@ -1,7 +1,5 @@
 """Every page: it opens and leads to the others, says what it found, and writes numbers and units as readers expect."""
 
-from __future__ import annotations
-
 import ast
 import json
 import re
@@ -28,7 +26,6 @@ DRAWINGS = {"plotly_chart", "image", "dataframe", "audio"}
 
 
 def announced(app: AppTest) -> bool:
-    """Return whether a page announces its headline."""
     return any(one.proto.component_name == "stereolag.announcement" for one in app.get("bidi_component"))
 
 
@@ -173,9 +170,7 @@ SCENE = uploads.texture(60, 90)
         (DEPTH, "pairs", uploads.pngs(left=SCENE), "Right image"),
     ],
 )
-def test_a_page_opens_on_one_thing_to_try_and_says_which_file_is_missing(
-    path: str, inputs: str, given: dict[str, tuple[str, bytes]], missing: str
-) -> None:
+def test_a_page_opens_on_one_thing_to_try_and_says_which_file_is_missing(path, inputs, given, missing):
     app = open_page(path)
     assert len([one for one in app.markdown if "Try first" in one.value]) == 1
     assert not (app.info or app.warning or app.error)

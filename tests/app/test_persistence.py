@@ -1,7 +1,5 @@
 """A control has the value of the last move, even if the browser sent another before learning of it."""
 
-from __future__ import annotations
-
 import pytest
 import streamlit as st
 from pydantic import Field

@@ -1,7 +1,5 @@
 """Files that a button makes when it is pressed, kept until the browser has fetched them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from unittest.mock import MagicMock
 
@@ -68,9 +66,7 @@ def fetched(files: MediaFileManager, name: str) -> bytes | None:
     return found and found.content
 
 
-def test_a_file_can_be_fetched_after_the_runs_of_other_visitors_until_its_time_is_over(
-    files: MediaFileManager, clock: Clock
-) -> None:
+def test_a_file_can_be_fetched_after_the_runs_of_other_visitors_until_its_time_is_over(files, clock):
     for times in range(3):
         names = [made_file(files, f"lag {sign}{times}") for sign in "−+"]
         end_runs(files)
@@ -83,9 +79,7 @@ def test_a_file_can_be_fetched_after_the_runs_of_other_visitors_until_its_time_i
     assert len(kept) == 2
 
 
-def test_many_large_files_are_not_all_kept(
-    files: MediaFileManager, clock: Clock, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_many_large_files_are_not_all_kept(files, clock, monkeypatch):
     monkeypatch.setattr(downloads, "MAX_KEPT_BYTES", 100)
     names = [made_file(files, text) for text in ("a" * 60, "b" * 30, "c" * 50, "d" * 300)]
     end_runs(files)

@@ -1,7 +1,5 @@
 """Results in bounded memory, and the heavy jobs that compute them: in turn, with progress, until cancelled."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
@@ -119,9 +117,7 @@ def limit(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 
 
 @pytest.mark.parametrize(("called_off", "computed"), [("", "abc"), ("a", "abc"), ("b", "ac")])
-def test_jobs_are_computed_in_the_order_in_which_they_came_but_for_those_called_off(
-    limit: Callable[..., None], called_off: str, computed: str
-) -> None:
+def test_jobs_are_computed_in_the_order_in_which_they_came_but_for_those_called_off(limit, called_off, computed):
     limit(1)
     begun: list[str] = []
     works = {name: Work(name, 60, begun) for name in "abc"}
@@ -139,9 +135,7 @@ def test_jobs_are_computed_in_the_order_in_which_they_came_but_for_those_called_
 
 
 @pytest.mark.parametrize(("memory", "together"), [((60, 60), 1), ((60, 40), 2), ((1, 1, 1), 2), ((300, 20), 1)])
-def test_memory_and_cores_bound_what_is_computed_at_once(
-    limit: Callable[..., None], memory: tuple[int, ...], together: int
-) -> None:
+def test_memory_and_cores_bound_what_is_computed_at_once(limit, memory, together):
     limit(2)
     begun: list[str] = []
     works = [Work(name, size, begun) for name, size in zip("abc", memory, strict=False)]
@@ -208,7 +202,6 @@ def open_gate() -> threading.Event:
 
 
 def answer(app: AppTest) -> str:
-    """Return what the page shows at last."""
     until(lambda: app.run().markdown[0].value != "nothing yet")
     return str(app.markdown[0].value)
 
@@ -227,9 +220,7 @@ def somebody_else(gate: threading.Event) -> Job[bool]:
     return job
 
 
-def test_who_comes_second_is_told_the_place_in_the_queue_unless_the_job_is_light(
-    gate: threading.Event, somebody_else: Job[bool]
-) -> None:
+def test_who_comes_second_is_told_the_place_in_the_queue_unless_the_job_is_light(gate, somebody_else):
     assert opened(open_gate(), memory=HEAVY_BYTES - 1).markdown[0].value == "result 1"
     st.cache_resource.clear()
     app = opened(gate).run()

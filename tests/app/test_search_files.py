@@ -1,7 +1,5 @@
 """Files of the lag page and the template search: all are offered and correct, and none is made before it is needed."""
 
-from __future__ import annotations
-
 import io
 import json
 import zipfile
@@ -73,9 +71,7 @@ def test_only_a_sure_lag_is_undone_in_files() -> None:
     assert refused == dict.fromkeys(("aligned.wav", "aligned.csv"), "Only a reliable lag can be undone.")
 
 
-def test_of_a_long_curve_the_part_around_the_lag_is_kept_and_a_reduced_one_is_called_so(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_of_a_long_curve_the_part_around_the_lag_is_kept_and_a_reduced_one_is_called_so(monkeypatch):
     pair, search = recordings(), LagSearch()
     result = lag_of(pair, search)
     reduced = replace(result, lags=result.lags[::10], correlation=result.correlation[::10])
@@ -153,9 +149,7 @@ def test_both_are_heard_alone_and_together() -> None:
         assert said in captions(app)
 
 
-def test_a_zip_that_takes_too_much_memory_is_refused_and_nothing_is_made_unasked(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_zip_that_takes_too_much_memory_is_refused_and_nothing_is_made_unasked(monkeypatch):
     def made(*args: object, **options: object) -> bytes:
         raise AssertionError("made unasked")
 

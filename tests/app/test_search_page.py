@@ -1,7 +1,5 @@
 """The search page: the answer, templates cut and masks painted, damage, OpenCV beside ours, the search by hand."""
 
-from __future__ import annotations
-
 import base64
 import io
 from typing import Any
@@ -13,9 +11,8 @@ from hypothesis import strategies as st
 from PIL import Image
 from streamlit.testing.v1 import AppTest
 
-from stereolag import samples
+from stereolag import read_image, samples
 from stereolag.core.arrays import Box
-from stereolag.io.images import read_image
 from stereolag.ui.search.inputs import packed_mask, read_box, read_packed_mask
 from stereolag.ui.uploads import Upload
 from tests.app import uploads
@@ -154,7 +151,6 @@ def test_images_of_two_types_are_damaged_too_and_none_without_a_place() -> None:
 
 
 def part(app: AppTest, name: str) -> AppTest:
-    """Return the page with a part open."""
     app.session_state["template.part"] = name
     return app.run()
 

@@ -1,7 +1,5 @@
 """Sentences about results: verdicts, findings, matches and alternative texts, as a reader sees them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The preview picture of a shared link matches the drawing program, and has GitHub's size and file size."""
 
-from __future__ import annotations
-
 import numpy as np
 from PIL import Image
 

@@ -1,7 +1,5 @@
 """``make run``: without a page it prints one sentence. What it prints and serves otherwise: ``tests/package``."""
 
-from __future__ import annotations
-
 import os
 import platform
 import shutil
@@ -93,9 +91,7 @@ FAULTS = {
 }
 
 
-def test_a_probe_tells_what_is_wrong_with_the_page_of_a_healthy_process(
-    environment: dict[str, str], port: int, tmp_path: Path
-) -> None:
+def test_a_probe_tells_what_is_wrong_with_the_page_of_a_healthy_process(environment, port, tmp_path):
     page, part = tmp_path / "page.py", tmp_path / "part.py"
     page.write_text("import")
     with served_process(str(page), port=port, environment={"STREAMLIT_CLIENT_SHOW_ERROR_DETAILS": "full"}):

@@ -4,8 +4,6 @@ A failure after an upgrade of Streamlit means: look at the reason in `stereolag/
 still holds.
 """
 
-from __future__ import annotations
-
 import asyncio
 import inspect
 import re
@@ -38,28 +36,19 @@ PACKAGE = Path(inside.__file__).parents[1]
 STATIC = Path(st.__file__).parent / "static" / "static" / "js"
 
 
-def test_types_of_returned_values_are_not_exported() -> None:
+def test_types_steps_through_the_history_and_connections_that_come_back_are_not_offered() -> None:
     types = "Container DeltaGenerator Expander ExpanderContainer UploadedFile ComponentRenderer"
     assert not [name for name in types.split() if hasattr(st, name)]
-
-
-def test_the_context_of_a_run_does_not_tell_of_steps_through_the_history() -> None:
     assert "is_history_navigation" in ScriptRunContext.__annotations__
     assert not [name for name in dir(st.context) if "histor" in name or "navig" in name]
-
-
-def test_there_is_no_event_of_a_connection_that_comes_back() -> None:
     assert {name for name in dir(st) if "connect" in name} <= {"_connection", "connection", "connections"}
     assert "on_reconnect" not in inspect.signature(st.App).parameters
 
 
-def test_a_box_for_one_file_takes_one_of_several_without_a_word() -> None:
+def test_a_box_takes_one_of_several_files_without_a_word_and_a_slider_tells_only_where_it_was_released() -> None:
     (script,) = STATIC.glob("FileUploader.*.js")
     assert "too-many-files" in script.read_text(encoding="utf-8")
     assert not {"on_extra", "overflow", "max_files"} & inspect.signature(st.file_uploader).parameters.keys()
-
-
-def test_a_slider_tells_only_where_it_was_released() -> None:
     (script,) = STATIC.glob("Slider.*.js")
     assert "onChangeEnd" in script.read_text(encoding="utf-8")
     assert not {"live", "continuous", "on_input"} & inspect.signature(st.slider).parameters.keys()

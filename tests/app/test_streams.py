@@ -1,7 +1,5 @@
 """Live streams over a real websocket, without a page: answers, places, and messages that break the rules."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json
@@ -22,10 +20,9 @@ from starlette.applications import Starlette
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from stereolag import preset
+from stereolag import StereoBM, preset
 from stereolag.core.jobs import limits, set_defaults
 from stereolag.core.searches import TemplateQuery
-from stereolag.stereo.opencv import StereoBM
 from stereolag.ui import calibrate_live, streams
 from stereolag.ui.components import packed_item
 from stereolag.ui.depth import live as depth
@@ -40,8 +37,6 @@ PATIENCE_S = 30
 
 
 class Numbered(Message):
-    """The messages of these streams."""
-
     number: int = 0
 
 
@@ -205,9 +200,7 @@ PARTS += [b"", b"\xff\xd8\xff", bytes(4000), bytes(4001)]
     st.dictionaries(st.sampled_from([*FIELDS]), WRONG, max_size=2),
     st.lists(st.sampled_from(PARTS), max_size=3),
 )
-def test_whatever_a_page_is_sent_is_answered_or_refused(
-    page: str, header: dict[str, Any], wrong: dict[str, Any], parts: list[bytes]
-) -> None:
+def test_whatever_a_page_is_sent_is_answered_or_refused(page, header, wrong, parts):
     kind, answer = answering_pages()[page]
     with suppress(ValueError):
         message = parse_message(packed_item(header | wrong, parts).data, kind)
@@ -242,9 +235,7 @@ def test_of_a_frame_only_its_left_view_and_the_maps_as_shown_are_kept() -> None:
         ("driving", {"at": float("inf")}, [b"", b""]),
     ],
 )
-def test_a_message_that_lacks_what_its_page_needs_is_refused(
-    page: str, header: dict[str, Any], parts: list[bytes]
-) -> None:
+def test_a_message_that_lacks_what_its_page_needs_is_refused(page, header, parts):
     with pytest.raises(ValueError):
         parse_message(packed_item(header, parts).data, answering_pages()[page][0])
 
@@ -335,20 +326,16 @@ def test_places_are_given_in_order_of_arrival_and_given_back(open_stream: Any, m
         assert next_answer(sockets[3])["number"] == 4
 
 
-def test_a_stream_ends_when_its_time_is_over(open_stream: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(streams, "SECONDS_PER_MINUTE", 0.5)
-    with limited(max_live_minutes=1):
-        _, socket = open_stream()
-        assert code_of_end(socket, packed_item({}).data) == streams.TOO_LONG
-
-
-def test_a_stream_that_waits_ends_when_its_time_is_over(open_stream: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stream_ends_when_its_time_is_over_also_while_it_waits(open_stream: Any, monkeypatch: Any) -> None:
     with limited(max_live_streams=1, max_live_minutes=1):
         _, first = open_stream()
         assert number_answered(first, 1) == 1
         monkeypatch.setattr(streams, "SECONDS_PER_MINUTE", 0.5)
         _, waiting = open_stream()
         assert code_of_end(waiting, packed_item({}).data) == streams.TOO_LONG
+    with limited(max_live_minutes=1):
+        _, socket = open_stream()
+        assert code_of_end(socket, packed_item({}).data) == streams.TOO_LONG
 
 
 def by_streamlit(stream: Stream, number: int, data: bytes | int = 0) -> int:

@@ -3,8 +3,6 @@
 Which files are bad, and the sentence about each, is tested in ``tests/core``.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
@@ -242,9 +240,7 @@ def test_pictures_refused_at_first_leave_no_answer_of_the_example() -> None:
         ("pictures", pngs(mask=np.zeros((20, 20), np.uint8)), "black all over"),
     ],
 )
-def test_a_good_file_that_does_not_fit_the_others_leaves_the_page_as_it_was(
-    inputs: str, bad: dict[str, tuple[str, bytes]], fragment: str
-) -> None:
+def test_a_good_file_that_does_not_fit_the_others_leaves_the_page_as_it_was(inputs, bad, fragment):
     app = open_own(inputs, **GOOD[inputs])
     before = shown(app)
     assert_one_sentence(uploaded(app, inputs, **bad), fragment)

@@ -1,29 +1,28 @@
 """Good and bad files as visitors upload them."""
 
-from __future__ import annotations
-
 import io
 import struct
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import soundfile
 from PIL import Image
 
+from stereolag.core.arrays import Array, DoubleMap, EightBit
 
-def png(picture: npt.NDArray[Any], **options: Any) -> bytes:
+
+def png(picture: Array, **options: Any) -> bytes:
     file = io.BytesIO()
     Image.fromarray(picture).save(file, "PNG", **options)
     return file.getvalue()
 
 
-def pngs(**pictures: npt.NDArray[Any]) -> dict[str, tuple[str, bytes]]:
+def pngs(**pictures: Array) -> dict[str, tuple[str, bytes]]:
     """Return a file for each box, named after it."""
     return {box: (f"{box}.png", png(picture)) for box, picture in pictures.items()}
 
 
-def wav(samples: npt.NDArray[np.float64], sampling_rate: int = 8_000) -> bytes:
+def wav(samples: DoubleMap, sampling_rate: int = 8_000) -> bytes:
     file = io.BytesIO()
     soundfile.write(file, samples, sampling_rate, format="WAV")
     return file.getvalue()
@@ -35,13 +34,13 @@ def wav_without_channels() -> bytes:
     return bytes(whole)
 
 
-def noise(count: int, seed: int = 0) -> npt.NDArray[np.float64]:
+def noise(count: int, seed: int = 0) -> DoubleMap:
     return np.random.default_rng(seed).uniform(-0.5, 0.5, count)
 
 
-def texture(rows: int, cols: int, seed: int = 0) -> npt.NDArray[np.uint8]:
+def texture(rows: int, cols: int, seed: int = 0) -> EightBit:
     return np.random.default_rng(seed).integers(0, 256, (rows, cols, 3), dtype=np.uint8)
 
 
-def csv(samples: npt.NDArray[np.float64]) -> bytes:
+def csv(samples: DoubleMap) -> bytes:
     return "\n".join(f"{sample:.6f}" for sample in samples).encode()

@@ -1,7 +1,5 @@
 """axe-core on an open page: its findings in the light and in the dark, and elements without alternative text."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

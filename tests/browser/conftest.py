@@ -1,7 +1,5 @@
 """Fixtures for the real app in a real browser."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest
@@ -16,7 +14,6 @@ expect.set_options(timeout=TIMEOUT_MS)
 
 @pytest.fixture(scope="session")
 def server() -> Iterator[Server]:
-    """Start the app on a free port."""
     running = Server()
     yield running
     running.stop()

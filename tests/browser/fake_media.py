@@ -1,15 +1,12 @@
 """Cameras that a test plays in the browser, in place of those of the machine."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 from playwright.sync_api import Page
 
-from stereolag.core.arrays import Rgb
+from stereolag.core.arrays import Array, Rgb
 from stereolag.figures.pictures import data_url, png
 from tests.browser.visits import read_script, settled
 
@@ -35,7 +32,6 @@ def expect_cameras_off(page: Page) -> None:
 
 
 def choose_arrangement(page: Page, name: str) -> None:
-    """Choose how cameras make a pair."""
     page.locator("[class*=-camera-arrangement]").get_by_role("combobox").click()
     page.get_by_role("option", name=name).click()
     settled(page)
@@ -45,9 +41,7 @@ def choose_device(page: Page, label: str, device: str) -> None:
     page.locator(".live").get_by_role("combobox", name=label, exact=True).select_option(label=device)
 
 
-def stereo_scene(
-    seed: int, *, near: int, far: int, shape: tuple[int, int] = (240, 320)
-) -> tuple[Rgb, Rgb, npt.NDArray[np.int_]]:
+def stereo_scene(seed: int, *, near: int, far: int, shape: tuple[int, int] = (240, 320)) -> tuple[Rgb, Rgb, Array]:
     """Return both views of a near square before a far wall, and the disparities of the left one, px."""
     rows, cols = shape
     generator = np.random.default_rng(seed)

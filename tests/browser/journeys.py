@@ -3,8 +3,6 @@
 Components are tested alone elsewhere, by axe-core too; here they must fit their page, be styled and be heard.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
@@ -98,7 +96,6 @@ def open_tab(page: Page, name: str) -> None:
 
 
 def press(page: Page, name: str) -> None:
-    """Press a button with the Enter key."""
     page.get_by_role("button", name=name, exact=True).first.press("Enter")
     settled(page)
 

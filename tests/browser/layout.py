@@ -1,7 +1,5 @@
 """The layout of a page: its first screen, parts that are cut off, and parts that jump while an answer is computed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

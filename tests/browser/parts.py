@@ -4,8 +4,6 @@ A page of the app takes seconds to open, a component by itself a tenth of one. `
 real pages that the component is there and that the page hears it.
 """
 
-from __future__ import annotations
-
 import json
 import tomllib
 from collections.abc import Callable, Iterator

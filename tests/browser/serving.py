@@ -1,7 +1,5 @@
 """The real app on a free port, and a real browser to open it."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

@@ -1,7 +1,5 @@
 """A slider of the depth page while it is dragged, links to the page, and the addresses of its files."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -70,9 +68,7 @@ def test_a_map_follows_a_slider_while_it_is_dragged_and_is_whole_once_it_is_rele
     assert shown.startswith(page.evaluate("window.early.digest"))
 
 
-def test_a_link_opens_the_page_as_it_was_and_its_files_have_addresses_nobody_else_can_guess(
-    open_page: OpenPage, page: Page, address: str
-) -> None:
+def test_a_link_opens_the_page_as_it_was_and_its_files_have_addresses_nobody_else_can_guess(open_page, page, address):
     own_address, own_map = taken(open_page(ADDRESS))
     window = page.get_by_role("slider", name="Window")
     size = window.input_value()

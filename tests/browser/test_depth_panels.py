@@ -1,7 +1,5 @@
 """The pictures under one crosshair and the match under the pointer alone, used with mouse and keys."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,12 +8,10 @@ from functools import cache
 import pytest
 from playwright.sync_api import Locator, Page, Position, expect
 
-from stereolag import samples
+from stereolag import CorrelationMatcher, StereoBM, samples
 from stereolag.figures.legends import Colours
 from stereolag.figures.pictures import edge_path
 from stereolag.pair_sources import example_pair
-from stereolag.stereo.opencv import StereoBM
-from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.ui.depth.comparing import show_comparison
 from stereolag.ui.depth.distances import show_readout
 from stereolag.ui.depth.explaining import show_blanks, show_inspection
@@ -195,9 +191,7 @@ def test_outlines_lie_over_the_maps_follow_the_zoom_and_go(show_parts: ShowParts
 # The match under the pointer
 
 
-def test_the_search_follows_the_pointer_and_the_keys_leaves_again_and_a_click_explains_all(
-    show_parts: ShowParts,
-) -> None:
+def test_the_search_follows_the_pointer_and_the_keys_leaves_again_and_a_click_explains_all(show_parts):
     pair, matcher = example_pair(samples.stereo_pairs()["fence"]), CorrelationMatcher(window_size=15)
     view = DepthView(pair, {"Convolution": matcher.compute(pair.left, pair.right)}, Colours(0, 64))
     fence = show_parts(lambda: show_inspection(view))

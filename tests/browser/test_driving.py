@@ -1,7 +1,5 @@
 """The driving page: a drive recorded with a live camera, and the player, used with mouse and keyboard."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any

@@ -1,7 +1,5 @@
 """The panels of the page Sensor lag alone, used with mouse and keyboard."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 

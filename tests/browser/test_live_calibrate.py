@@ -1,7 +1,5 @@
 """A calibration that a live camera takes by itself, from a sequence played by the test, and what goes wrong."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
@@ -9,7 +7,7 @@ from playwright.sync_api import Page, expect
 
 from tests.browser import fake_media
 from tests.browser.axe import check
-from tests.browser.visits import OpenPage, expect_visible, settled, turned_dark
+from tests.browser.visits import expect_visible, settled, turned_dark
 from tests.held_boards import SQUARE_M, obeying, taken
 
 
@@ -18,9 +16,7 @@ def start(page: Page) -> None:
     expect(page.locator(".live .state")).to_have_text("Live")
 
 
-def test_pairs_outlive_a_lost_camera_are_used_on_demand_and_without_a_click_once_there_are_enough(
-    open_page: OpenPage,
-) -> None:
+def test_pairs_outlive_a_lost_camera_are_used_on_demand_and_without_a_click_once_there_are_enough(open_page):
     pairs = [taken(poses) for _, poses in obeying(4)]
     camera = fake_media.played_cameras(both=[np.hstack(pair) for pair in pairs])
     page = open_page("Calibrate", choose="Live camera", script=camera)

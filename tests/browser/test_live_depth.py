@@ -1,7 +1,5 @@
 """Depth maps of a live camera, played by the test: maps, controls, a frozen frame, and what goes wrong."""
 
-from __future__ import annotations
-
 import re
 import time
 
@@ -89,9 +87,7 @@ def test_every_failure_of_a_camera_has_its_own_sentence(camera_page: Page) -> No
     stop(page)
 
 
-def test_a_live_camera_has_maps_whose_controls_act_within_two_frames_and_a_hidden_tab_sends_none(
-    camera_page: Page,
-) -> None:
+def test_a_live_camera_has_maps_whose_controls_act_within_two_frames_and_a_hidden_tab_sends_none(camera_page):
     page = camera_page
     sockets: list[WebSocket] = []
     page.on("websocket", lambda socket: sockets.append(socket))

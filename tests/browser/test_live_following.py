@@ -1,7 +1,5 @@
 """The page Rocketman search with a camera that films a moving sign: followed and frozen."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

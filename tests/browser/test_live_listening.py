@@ -1,7 +1,5 @@
 """Live microphones in Chromium, their media made on the page from a seed; what is said of it: ``tests/app``."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """The proxy of deployment/nginx.conf in front of the app, in a real browser."""
 
-from __future__ import annotations
-
 import re
 import socket
 import subprocess
@@ -23,11 +21,7 @@ from tests.browser.fake_media import played_cameras, stereo_scene
 from tests.browser.serving import NGINX, PROJECT, Server, free_port, status_of, wait_until
 from tests.browser.visits import expect_visible, faultless_pages, file_of, give, settled
 
-PROMISED = {
-    "X-Content-Type-Options": "nosniff",
-    "X-Frame-Options": "DENY",
-    "Referrer-Policy": "no-referrer",
-}
+PROMISED = {"X-Content-Type-Options": "nosniff", "X-Frame-Options": "DENY", "Referrer-Policy": "no-referrer"}
 
 
 @dataclass(frozen=True)
@@ -93,9 +87,7 @@ def proxy(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         yield started
 
 
-def test_the_policy_breaks_no_page_and_a_session_with_uploads_stays_with_one_process(
-    browser: Browser, proxy: Proxy
-) -> None:
+def test_the_policy_breaks_no_page_and_a_session_with_uploads_stays_with_one_process(browser, proxy):
     before = len(proxy.visits())
     scene = uploads.texture(120, 165)
     labels = [label for label, _ in PAGES.values() if label not in ("Home", "Calibrate")]

@@ -1,7 +1,5 @@
 """The panels of the page Rocketman search alone, used with mouse, keys and fingers; their formulas: ``tests/web``."""
 
-from __future__ import annotations
-
 import re
 from functools import partial
 

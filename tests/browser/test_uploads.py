@@ -1,7 +1,5 @@
 """Files that arrive, are refused, are removed or are gone: behaviour that only a real browser shows."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from playwright.sync_api import Page, expect

@@ -1,8 +1,6 @@
 """One visitor's data: out of reach of the others, never on disk, and freed when the visitor leaves; tested over
 Streamlit's own protocol."""
 
-from __future__ import annotations
-
 import asyncio
 import hashlib
 import time

@@ -1,7 +1,5 @@
 """Helpers for tests that work on an open page."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

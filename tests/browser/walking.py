@@ -1,7 +1,5 @@
 """The Tab key through a whole page: its stops, and the controls that it misses."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from playwright.sync_api import Page

@@ -1,7 +1,5 @@
 """Ailing pairs for the input doctor: swapped, shifted, rotated, darkened; seen by lenses and by rotated cameras."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

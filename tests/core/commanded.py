@@ -1,7 +1,5 @@
 """The command ``stereolag``, run in this process as by its console script."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """What several tests of the library need."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

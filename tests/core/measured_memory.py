@@ -1,7 +1,5 @@
 """Memory of jobs, each run in its own fork: the measurement is the job's alone, and imports happen only once."""
 
-from __future__ import annotations
-
 import json
 import os
 import sys

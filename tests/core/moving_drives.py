@@ -1,18 +1,14 @@
 """A small drive of known motion: along a street with a wall at its end, behind a moving car."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
-import numpy.typing as npt
 from pairs import texture
 
 from stereolag import Calibration
+from stereolag.core.arrays import Array, DoubleMap, EightBit, Mask
 from stereolag.io.images import image_png
 from stereolag.sequences import StereoFrame
 from tests.archives import zipped
-
-Grey = npt.NDArray[np.uint8]
 
 ROWS, COLS, FINER = 160, 256, 2
 CAMERA = Calibration(focal_px=260.0, baseline_m=0.5)
@@ -32,7 +28,7 @@ def frame(number: int) -> StereoFrame:
     return StereoFrame(*(_seen(number, side * CAMERA.baseline_m) for side in (0, 1)))
 
 
-def car_mask(number: int) -> npt.NDArray[np.bool_]:
+def car_mask(number: int) -> Mask:
     """Return (rows, cols), True where the left camera sees the car."""
     return np.asarray(_surfaces(number, 0.0, 1)[0] == 2)
 
@@ -44,7 +40,7 @@ def archive(count: int, *, every: int = 1) -> bytes:
     return zipped({f"{side}/{n:03d}.png": image_png(getattr(views[n], side)) for n in range(count) for side in sides})
 
 
-def _surfaces(number: int, aside: float, finer: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+def _surfaces(number: int, aside: float, finer: int) -> tuple[Array, DoubleMap]:
     """Return the surface of each pixel, 0 wall, 1 ground, 2 car, and the point on it, (rows, cols, 3) metres."""
     time = number / RATE
     own, car = OWN_KMH / 3.6 * time, CAR[2] + CAR_KMH / 3.6 * time
@@ -62,7 +58,7 @@ def _surfaces(number: int, aside: float, finer: int) -> tuple[npt.NDArray[np.int
     return kind, place
 
 
-def _seen(number: int, aside: float) -> Grey:
+def _seen(number: int, aside: float) -> EightBit:
     kind, place = _surfaces(number, aside, FINER)
     shown = np.zeros(kind.shape, np.float32)
     for index, (name, axes, per_metre) in enumerate(

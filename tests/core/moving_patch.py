@@ -1,17 +1,13 @@
 """A picture in which a sign moves, in changing light: resized, covered, out of the picture, near one like it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from stereolag.core.arrays import EightBit
 from tests.core.pairs import texture
-
-Picture = npt.NDArray[np.uint8]
 
 COVERED, AWAY, PARTLY = range(60, 90), range(105, 150), range(165, 195)
 """Frames in which something else hides the sign, in which it goes out and comes back, and in which a quarter of it is
@@ -21,13 +17,13 @@ hidden."""
 class Frame(NamedTuple):
     """A frame, and where the middle of the sign is in it (row, col) and how large it is; which share can be seen."""
 
-    picture: Picture
+    picture: EightBit
     middle: tuple[float, float]
     size: float
     seen: float
 
 
-def sign(side: int, seed: int, *, sibling: bool = False) -> Picture:
+def sign(side: int, seed: int, *, sibling: bool = False) -> EightBit:
     """Return a coloured sign with a few marks; its sibling has one of them elsewhere."""
     rng = np.random.default_rng(seed)
     drawn = np.full((128, 128, 3), rng.integers(140, 200, 3), dtype=np.uint8)
@@ -41,7 +37,7 @@ def sign(side: int, seed: int, *, sibling: bool = False) -> Picture:
     return np.asarray(cv2.resize(drawn, (side, side), interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
-def on(picture: Picture, drawn: Picture, middle: tuple[float, float], size: float, angle: float = 0.0) -> None:
+def on(picture: EightBit, drawn: EightBit, middle: tuple[float, float], size: float, angle: float = 0.0) -> None:
     """Draw something with its middle at a place of the picture, so large and turned by so many degrees."""
     (rows, cols), side = picture.shape[:2], len(drawn)
     matrix = cv2.getRotationMatrix2D(((side - 1) / 2, (side - 1) / 2), angle, size)

@@ -1,30 +1,25 @@
 """Stereo pairs of known displacement: made for the tests, shifted or of surfaces at several depths, and bundled."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import gaussian_filter
 
+from stereolag import read_disparity, read_image
+from stereolag.core.arrays import Array, DoubleMap, EightBit, FloatMap
 from stereolag.geometry.rectification import scaled_disparity, scaled_image
-from stereolag.io.disparities import read_disparity
-from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
 
-DoubleImage = npt.NDArray[np.float64]
-Picture = npt.NDArray[np.uint8]
 
-
-def texture(rows: int, cols: int, *, seed: int = 0, blur: float = 1.0) -> DoubleImage:
+def texture(rows: int, cols: int, *, seed: int = 0, blur: float = 1.0) -> DoubleMap:
     """Return a periodic random texture with mean 128 and standard deviation 40."""
     noise = np.random.default_rng(seed).standard_normal((rows, cols))
     smooth = gaussian_filter(noise, blur, mode="wrap")
     return 128 + 40 * (smooth - smooth.mean()) / smooth.std()
 
 
-def shifted(image: DoubleImage, dy: float, dx: float) -> DoubleImage:
+def shifted(image: DoubleMap, dy: float, dx: float) -> DoubleMap:
     """Return the periodic image moved exactly by (dy, dx) px, by shifting the phase of its Fourier transform."""
     rows, cols = np.fft.fftfreq(image.shape[0])[:, None], np.fft.fftfreq(image.shape[1])
     return np.fft.ifft2(np.fft.fft2(image) * np.exp(-2j * np.pi * (rows * dy + cols * dx))).real
@@ -32,7 +27,7 @@ def shifted(image: DoubleImage, dy: float, dx: float) -> DoubleImage:
 
 def shifted_pair(
     rows: int, cols: int, dy: float, dx: float, *, dtype: npt.DTypeLike = np.uint8, seed: int = 0
-) -> tuple[npt.NDArray[np.generic], npt.NDArray[np.generic]]:
+) -> tuple[Array, Array]:
     """Return a left image and a right one displaced by (dy, dx), over the full range of an integer dtype."""
     left = texture(rows, cols, seed=seed)
     pair = left, shifted(left, dy, dx)
@@ -49,7 +44,7 @@ NEAR = {(30, 90, 60, 130): 14, (80, 140, 150, 230): 20, (15, 60, 170, 250): 9}
 """{(first row, end row, first column, end column): disparity} of the squares in front of the wall."""
 
 
-def steps_pair(*, noise: float = 8.0) -> tuple[Picture, Picture, npt.NDArray[np.float32]]:
+def steps_pair(*, noise: float = 8.0) -> tuple[EightBit, EightBit, FloatMap]:
     """Return left, right and truth: squares in front of a wall, 160 × 280, with noise in grey levels."""
     rng = np.random.default_rng(5)
     left = texture(160, 280, seed=4, blur=1.5)
@@ -65,7 +60,7 @@ def steps_pair(*, noise: float = 8.0) -> tuple[Picture, Picture, npt.NDArray[np.
 
 
 @cache
-def bundled(name: str, size: float = 1.0) -> tuple[Picture, Picture, DoubleImage]:
+def bundled(name: str, size: float = 1.0) -> tuple[EightBit, EightBit, DoubleMap]:
     """Return a bundled pair and its disparities at a share of its size."""
     example = stereo_pairs()[name]
     left, right = (scaled_image(read_image(side), size) for side in (example.left, example.right))

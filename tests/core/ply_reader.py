@@ -1,7 +1,5 @@
 """A PLY reader that is independent of this project's writer."""
 
-from __future__ import annotations
-
 import struct
 
 CODES = {"float": "f", "uchar": "B"}

@@ -1,18 +1,16 @@
 """Small stereo sequences made for the tests: textures of known disparity, as pictures, archives and videos."""
 
-from __future__ import annotations
-
+import csv
 import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import av
 import numpy as np
-import numpy.typing as npt
 from pairs import texture
 
 from stereolag import StereoBM
-from stereolag.core.arrays import FloatMap
+from stereolag.core.arrays import EightBit, FloatMap
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import Progress
 from stereolag.io.disparities import kitti_png
@@ -20,19 +18,18 @@ from stereolag.io.images import image_png
 from stereolag.stereo.matcher import PixelMatches
 from tests.archives import zipped
 
-Grey = npt.NDArray[np.uint8]
 ROWS, COLS = 80, 120
 DISPARITIES = (4, 5, 6, 7, 8, 9)
 """The constant disparity of each frame, px."""
 
 
-def pair(disparity: int, seed: int) -> tuple[Grey, Grey]:
+def pair(disparity: int, seed: int) -> tuple[EightBit, EightBit]:
     """Return a left and a right picture of a plane at a disparity."""
     wide = np.rint(np.clip(texture(ROWS, COLS + 32, seed=seed), 0, 255)).astype(np.uint8)
     return wide[:, :COLS].copy(), wide[:, disparity : COLS + disparity].copy()
 
 
-def pairs_of(disparities: Sequence[int] = DISPARITIES) -> list[tuple[Grey, Grey]]:
+def pairs_of(disparities: Sequence[int] = DISPARITIES) -> list[tuple[EightBit, EightBit]]:
     return [pair(disparity, seed) for seed, disparity in enumerate(disparities)]
 
 
@@ -43,7 +40,7 @@ def write_folders(folder: Path, disparities: Sequence[int] = DISPARITIES) -> tup
     return write_frames(folder, [(*both, truth) for both, truth in zip(pairs, truths, strict=True)])
 
 
-def write_frames(folder: Path, frames: Iterable[tuple[Grey, Grey, FloatMap]]) -> tuple[Path, Path, Path]:
+def write_frames(folder: Path, frames: Iterable[tuple[EightBit, EightBit, FloatMap]]) -> tuple[Path, Path, Path]:
     """Write left and right pictures and truths to three folders, and return the folders."""
     folders = folder / "left", folder / "right", folder / "truth"
     for one in folders:
@@ -59,6 +56,11 @@ def archive(disparities: Sequence[int] = DISPARITIES) -> bytes:
     pairs = enumerate(pairs_of(disparities))
     sides = ("left", "right")
     return zipped({f"{side}/{n:03d}.png": image_png(both[i]) for n, both in pairs for i, side in enumerate(sides)})
+
+
+def rows_of(out: Path) -> list[dict[str, str]]:
+    with (out / "frames.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
 
 
 def contents(out: Path) -> dict[str, bytes]:
@@ -77,7 +79,7 @@ class Counting(StereoBM):
         return super().match(left, right, progress)
 
 
-def numbered(count: int, width: int = 96, height: int = 64) -> list[Grey]:
+def numbered(count: int, width: int = 96, height: int = 64) -> list[EightBit]:
     """Return colour pictures, each showing the 8 bits of its number as black and white blocks."""
     pictures = []
     for number in range(count):
@@ -88,7 +90,7 @@ def numbered(count: int, width: int = 96, height: int = 64) -> list[Grey]:
     return pictures
 
 
-def number_in(picture: npt.NDArray[np.uint8]) -> int:
+def number_in(picture: EightBit) -> int:
     """Return the number shown by one of these pictures."""
     width = picture.shape[1]
     grey = picture.reshape(*picture.shape[:2], -1).mean(axis=(0, 2))
@@ -96,7 +98,7 @@ def number_in(picture: npt.NDArray[np.uint8]) -> int:
 
 
 def video(
-    *tracks: Sequence[npt.NDArray[np.uint8]],
+    *tracks: Sequence[EightBit],
     codec: str = "libx264",
     kind: str = "mp4",
     rate: int = 10,

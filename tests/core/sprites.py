@@ -1,16 +1,13 @@
 """A sprite in a picture of few colours, as those of games."""
 
-from __future__ import annotations
-
 import numpy as np
-import numpy.typing as npt
 
-Picture = npt.NDArray[np.uint8]
+from stereolag.core.arrays import EightBit
 
 SPRITE_PLACE = (23, 41)
 
 
-def sprite_scene(seed: int) -> tuple[Picture, Picture]:
+def sprite_scene(seed: int) -> tuple[EightBit, EightBit]:
     """Return a picture with few colours, and a round RGBA sprite drawn into it at its place."""
     random = np.random.default_rng(seed)
     palette = random.integers(0, 256, (40, 3), dtype=np.uint8)

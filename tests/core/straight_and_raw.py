@@ -1,16 +1,12 @@
 """A rectified pair of a known stereo camera, and the same pair as taken by that camera."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from stereolag.core.arrays import EightBit
 from stereolag.geometry.calibration import StereoRig
-
-Picture = npt.NDArray[np.uint8]
 
 SIZE = (320, 240)
 M1 = np.array([[280, 0, 157], [0, 283, 123], [0, 0, 1.0]])
@@ -27,7 +23,7 @@ DISPARITY = 14
 
 
 @cache
-def straight_pair(seed: int = 0) -> tuple[Picture, Picture]:
+def straight_pair(seed: int = 0) -> tuple[EightBit, EightBit]:
     """Return a rectified pair of grey blobs, all at one distance."""
     noise = np.random.default_rng(seed).uniform(0, 1, (SIZE[1], SIZE[0] + DISPARITY)).astype(np.float32)
     blobs = cv2.GaussianBlur(noise, (0, 0), 2.0)
@@ -36,7 +32,7 @@ def straight_pair(seed: int = 0) -> tuple[Picture, Picture]:
 
 
 @cache
-def raw_pair(seed: int = 0) -> tuple[Picture, Picture]:
+def raw_pair(seed: int = 0) -> tuple[EightBit, EightBit]:
     """Return the same pair as taken by the cameras."""
     cameras = ((M1, D1, R1, P1[:, :3]), (M2, D2, R2, P2[:, :3]))
     maps = [cv2.initInverseRectificationMap(*camera, SIZE, cv2.CV_32FC1) for camera in cameras]

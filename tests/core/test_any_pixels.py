@@ -1,7 +1,5 @@
 """Right numbers from any pixels: of 16 bits in any form, with black borders, and at the ends of the search."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

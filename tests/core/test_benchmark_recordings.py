@@ -1,7 +1,5 @@
 """The recordings of the benchmarks: a lag is judged by all of their truth, and ours is never sure and wrong."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Boards held before a known stereo camera: the figures of a pose, what is worth keeping, and what is missing."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np
@@ -41,9 +39,7 @@ def test_the_place_of_a_board_is_what_room_both_pictures_leave_it() -> None:
         ((0, 0, 0.4), (0, 0)),
     ],
 )
-def test_the_side_that_is_nearer_is_known_whichever_end_the_corners_are_counted_from(
-    turn: tuple[float, float, float], expected: tuple[float, float]
-) -> None:
+def test_the_side_that_is_nearer_is_known_whichever_end_the_corners_are_counted_from(turn, expected):
     left, right = seen(held(turn=turn))
     pose = pose_of(left, right)
     np.testing.assert_allclose(pose[3:], np.sin(0.4) * np.array(expected), atol=0.12)

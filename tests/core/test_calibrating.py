@@ -1,8 +1,6 @@
 """Boards seen by cameras of known lens and pose: the calibration recovers both, and names the wrong pairs."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -54,10 +52,7 @@ def plain(views: BoardViews) -> StereoCalibration:
 
 
 def placed_views(
-    true: StereoRig,
-    poses: Sequence[tuple[np.ndarray, np.ndarray]],
-    noise: float = 0.03,
-    points: np.ndarray = FLAT,
+    true: StereoRig, poses: Sequence[tuple[np.ndarray, np.ndarray]], noise: float = 0.03, points: np.ndarray = FLAT
 ) -> BoardViews:
     """Return the corners of a chessboard as seen by two cameras in these poses (rotation, position in squares)."""
     random = np.random.default_rng(0)
@@ -95,10 +90,7 @@ def test_the_rig_that_drew_the_pictures_is_found(pairs: Pictures) -> None:
 
 @pytest.mark.parametrize(
     "board",
-    [
-        Board(8, 5, Markers("DICT_4X4_1000", 0.75, legacy=True)),
-        Board(5, 8, Markers("DICT_APRILTAG_36h11", 0.65)),
-    ],
+    [Board(8, 5, Markers("DICT_4X4_1000", 0.75, legacy=True)), Board(5, 8, Markers("DICT_APRILTAG_36h11", 0.65))],
 )
 def test_a_charuco_board_seen_in_part_is_known_and_enough(board: Board) -> None:
     # The legacy layout differs if the number of rows of squares is even.
@@ -123,9 +115,7 @@ def test_the_size_of_a_chessboard_is_guessed(size: tuple[int, int]) -> None:
     assert guess_board(list(drawn_pairs(rig(1.2), Board(*size), 3, square_m=SQUARE_M, seed=2))) == Board(*size)
 
 
-def test_large_pictures_in_colour_and_sixteen_bits_are_refined_in_full_size(
-    pairs: Pictures, views: BoardViews, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_large_pictures_in_colour_and_sixteen_bits_are_refined_in_full_size(pairs, views, monkeypatch):
     monkeypatch.setattr(boards, "MAX_SEARCH_SIDE_PX", 240)
     deep = [tuple(np.stack([one] * 3, axis=-1).astype(np.uint16) * 257 for one in pair) for pair in pairs[1:3]]
     found = find_boards(deep, (9, 6))
@@ -195,17 +185,14 @@ def test_pairs_that_cannot_be_used_say_why(pairs: Pictures, views: BoardViews) -
     assert result.used == (0, 1, 2)
 
 
-def one_above_the_other(views: BoardViews) -> BoardViews:
+def test_cameras_one_above_the_other_are_calibrated(views: BoardViews, plain: StereoCalibration) -> None:
     width, height = views.size
     left, right = (
         tuple(Corners(one.numbers, one.points[:, ::-1] * [1, -1] + [0, width]) for one in side if one is not None)
         for side in (views.left, views.right)
     )
-    return BoardViews(views.board, (height, width), left, right, (((height, width),) * 2,) * len(views))
-
-
-def test_cameras_one_above_the_other_are_calibrated(views: BoardViews, plain: StereoCalibration) -> None:
-    result = calibrate_boards(one_above_the_other(views), SQUARE_M)
+    turned = BoardViews(views.board, (height, width), left, right, (((height, width),) * 2,) * len(views))
+    result = calibrate_boards(turned, SQUARE_M)
     assert abs(result.calibration.turn) == 1
     assert result.calibration.baseline_m == pytest.approx(plain.calibration.baseline_m, rel=1e-3)
     assert result.row_error == pytest.approx(plain.row_error, abs=0.01)
@@ -233,9 +220,7 @@ def alike(views: BoardViews) -> BoardViews:
         "tilt": alike,
     }.items(),
 )
-def test_a_set_from_which_nothing_follows_is_refused(
-    views: BoardViews, message: str, change: Callable[[BoardViews], BoardViews]
-) -> None:
+def test_a_set_from_which_nothing_follows_is_refused(views, message, change):
     with pytest.raises(ValueError, match=message):
         calibrate_boards(change(views), SQUARE_M)
 
@@ -293,9 +278,7 @@ def bent(points: np.ndarray, by: float) -> np.ndarray:
         pytest.param(FLAT * (1, 1.03, 1), 0.064, ("The squares are 3.0 % higher",), id="stretched"),
     ],
 )
-def test_a_board_that_is_not_flat_and_even_is_measured_with_the_cameras(
-    points: np.ndarray, off_grid: float, doubt: tuple[str, ...]
-) -> None:
+def test_a_board_that_is_not_flat_and_even_is_measured_with_the_cameras(points, off_grid, doubt):
     random, true = np.random.default_rng(6), rig(2.0)
     poses = [(random.normal(0, 0.3, 3), random.uniform((-6, -4, 13), (-1, 0, 18))) for _ in range(12)]
     result = calibrate_boards(placed_views(true, poses, 0.1, points), SQUARE_M)

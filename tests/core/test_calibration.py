@@ -1,7 +1,5 @@
 """Disparity to metres, checked by hand-computed numbers, by OpenCV's reprojectImageTo3D, and by properties."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cv2

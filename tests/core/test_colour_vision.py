@@ -1,14 +1,12 @@
 """Colours that appear together can also be told apart by eyes that lack one type of cone."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from skimage.color import deltaE_ciede2000, rgb2lab
 
+from stereolag.core.arrays import DoubleMap
 from stereolag.figures import maps, recordings
 from stereolag.figures.match import RUNNER_UP_COLOUR, SEARCH_COLOUR, TRUTH_COLOUR, WINDOW_COLOUR
 from stereolag.figures.pictures import CORRELATION, NO_ANSWER, PEAK, SENSOR_1, SENSOR_2
@@ -48,12 +46,7 @@ TOGETHER: dict[str, dict[str, Colour]] = {
     "recordings": {"sensor 1": SENSOR_1, "sensor 2": SENSOR_2},
     "curve": {"curve": CORRELATION, "peak": PEAK},
     "curve in doubt": {"curve": CORRELATION, "doubtful": recordings.DOUBTFUL_COLOUR},
-    "agreement": {
-        "all": maps.ALL_AGREE,
-        "some": maps.SOME_AGREE,
-        "none": maps.ALL_DIFFER,
-        "no disparity": NO_ANSWER,
-    },
+    "agreement": {"all": maps.ALL_AGREE, "some": maps.SOME_AGREE, "none": maps.ALL_DIFFER, "no disparity": NO_ANSWER},
     "reasons": {cause.name: colour for cause, colour in maps.REASON_COLOURS.items()},
     "drive": {str(number): line["colour"] for number, line in enumerate(LINES)},
 }
@@ -68,17 +61,17 @@ LINES_AND_FRAMES = {
 }
 
 
-def rgb(colour: Colour) -> npt.NDArray[np.float64]:
+def rgb(colour: Colour) -> DoubleMap:
     parts = tuple(bytes.fromhex(colour[1:])) if isinstance(colour, str) else colour
     return np.asarray(parts, dtype=np.float64) / 255
 
 
-def linear(colour: Colour) -> npt.NDArray[np.float64]:
+def linear(colour: Colour) -> DoubleMap:
     shown = rgb(colour)
     return np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4)
 
 
-def seen(colour: Colour, eyes: str) -> npt.NDArray[np.float64]:
+def seen(colour: Colour, eyes: str) -> DoubleMap:
     """Return a colour in CIELAB as these eyes see it."""
     light = np.clip(np.asarray(EYES[eyes]) @ linear(colour), 0, 1)
     shown = np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1 / 2.4) - 0.055)

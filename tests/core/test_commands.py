@@ -1,7 +1,5 @@
 """The measuring commands except ``depth``: their output, exit codes and start-up."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

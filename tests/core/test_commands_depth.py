@@ -1,7 +1,5 @@
 """``stereolag depth``: the same figures as the library, the same files as the page."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -222,9 +220,7 @@ CUBE = bundled("cube", 0.5)[:2]
 
 
 @pytest.mark.parametrize(("unit", "code"), [((), 3), (("--unit", "mm"), 0)])
-def test_metres_of_no_stereo_camera_in_a_unit_that_nothing_states_are_doubted(
-    unit: tuple[str, ...], code: int, tmp_path: Path, ran: Command
-) -> None:
+def test_metres_of_no_stereo_camera_in_a_unit_that_nothing_states_are_doubted(unit, code, tmp_path, ran):
     left = np.array([[450.0, 0, 159.5, 0], [0, 450, 119.5, 0], [0, 0, 1, 0]])
     shift = np.zeros((3, 4))
     shift[0, 3] = -450 * 17.0  # mm
@@ -242,9 +238,7 @@ def test_metres_of_no_stereo_camera_in_a_unit_that_nothing_states_are_doubted(
         (lambda left, right: (left, np.pad(right[:-40], ((0, 40), (0, 0), (0, 0)))), "empty_border"),
     ],
 )
-def test_an_ill_pair_is_told_and_the_range_is_that_of_the_pair(
-    change: Change, code: str | None, tmp_path: Path, ran: Command
-) -> None:
+def test_an_ill_pair_is_told_and_the_range_is_that_of_the_pair(change, code, tmp_path, ran):
     command = ("depth", *written(tmp_path, *change(*CUBE)), "--method", "bm")
     told = ran(*command, "--out", tmp_path / "out", "--json")
     codes = [finding["code"] for finding in told.figures["findings"]]

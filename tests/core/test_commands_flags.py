@@ -1,7 +1,5 @@
 """Every setting of every method and search is a flag, which changes it and nothing else."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
@@ -9,15 +7,13 @@ from typing import Any
 import pytest
 from commanded import Command
 
+from stereolag import CorrelationMatcher, SearchArea, SemiGlobalMatcher
 from stereolag.commands.arguments import CommandParser, SettingsFlags
 from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.core.settings import Bounds, Settings, SettingsError, base_type, changed, choices, nested, setting
 from stereolag.stereo.finishing.stages import AmbiguityTest, LeftRightCheck, MedianFilter, SpeckleFilter, TextureTest
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, preset
-from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import SearchArea
 
 STAGES = {"texture": TextureTest(), "speckle": SpeckleFilter(), "median": MedianFilter(), "ambiguity": AmbiguityTest()}
 STARTS: list[StereoMatcher] = [

@@ -1,9 +1,5 @@
 """``stereolag sequence``: its files, output and exit codes, and how it resumes."""
 
-from __future__ import annotations
-
-import csv
-import io
 import json
 import os
 import signal
@@ -16,7 +12,7 @@ import moving_drives
 import numpy as np
 import pytest
 from commanded import Command, assert_refused
-from small_drives import write_folders
+from small_drives import rows_of, write_folders
 
 import stereolag as sl
 from stereolag.core.settings import changed
@@ -38,13 +34,7 @@ def sides(tmp_path: Path) -> Sides:
     return write_folders(tmp_path / "drive", [4, 5, 6])[:2]
 
 
-def rows_of(out: Path) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO((out / "frames.csv").read_text())))
-
-
-def test_maps_a_table_and_a_video_in_the_given_range_or_that_of_the_calibration(
-    sides: Sides, tmp_path: Path, ran: Command
-) -> None:
+def test_maps_a_table_and_a_video_in_the_given_range_or_that_of_the_calibration(sides, tmp_path, ran):
     out, video = tmp_path / "out", tmp_path / "drive.mp4"
     calibration = tmp_path / "calibration.json"
     calibration.write_text('{"focal_px": 100, "baseline_m": 0.5, "num_disparities": 27}')
@@ -151,9 +141,7 @@ def test_raw_frames_are_rectified_as_a_pair_is(rig: Path, tmp_path: Path, ran: C
         (None, 2, "--out"),
     ],
 )
-def test_what_is_refused_is_told_in_one_line(
-    sides: Sides, tmp_path: Path, flags: list[str] | None, code: int, sentence: str, ran: Command
-) -> None:
+def test_what_is_refused_is_told_in_one_line(sides, tmp_path, flags, code, sentence, ran):
     more = ["--trust", *([] if flags is None else ["--out", tmp_path / "out", *flags])]
     assert_refused(ran("sequence", *sides, *more), "sequence", code, sentence)
 

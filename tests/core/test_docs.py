@@ -1,7 +1,5 @@
 """README, docs/, docstrings: links, includes and names are valid, programs and examples run, figures are measured."""
 
-from __future__ import annotations
-
 import ast
 import doctest
 import importlib
@@ -158,9 +156,7 @@ def test_the_program_of_the_first_page_runs(capsys: pytest.CaptureFixture[str]) 
     assert capsys.readouterr().out.startswith("(480, 640) ")
 
 
-def test_the_program_for_an_own_camera_runs_from_raw_pictures_to_metres(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_program_for_an_own_camera_runs_from_raw_pictures_to_metres(tmp_path, monkeypatch, capsys):
     (program,) = re.findall(r"```python\n(.*?)```", own("own_camera.md"), re.DOTALL)
     for number, pair in enumerate(drawn_pairs(RIG.scaled(1.25), Board(9, 6), 6, square_m=0.025, seed=3)):
         for side, picture in zip(("left", "right"), pair, strict=True):

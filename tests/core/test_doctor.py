@@ -1,7 +1,5 @@
 """The input doctor finds the fault of a pair, finds nothing wrong with a healthy one, and its remedies work."""
 
-from __future__ import annotations
-
 import json
 import pickle
 from collections.abc import Iterator

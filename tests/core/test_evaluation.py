@@ -1,9 +1,5 @@
 """Figures, coverage, agreement and confidence of disparity maps, counted by hand and by plain formulas."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -64,9 +60,7 @@ def test_a_score_that_knows_gives_up_the_worst_first_in_a_curve_of_few_points() 
         ([20.0, 10, 20, 10], [NAN] * 4, [1.0], [50]),
     ],
 )
-def test_the_surest_pixels_come_first_equals_together_and_those_without_a_score_last(
-    disparity: list[float], score: list[float], coverage: list[float], bad: list[float]
-) -> None:
+def test_the_surest_pixels_come_first_equals_together_and_those_without_a_score_last(disparity, score, coverage, bad):
     curve = error_against_coverage(np.array([disparity]), np.full((1, 4), 10.0), np.array([score]))
     np.testing.assert_allclose(curve.coverage, coverage)
     np.testing.assert_allclose(curve.bad, bad)
@@ -104,9 +98,7 @@ def test_the_last_point_is_the_evaluation(seed: int, missing: float, threshold: 
         (consensus, ([],), {}, "one or more"),
     ],
 )
-def test_what_does_not_fit_is_named(
-    judge: Callable[..., object], arguments: tuple[object, ...], options: dict[str, object], said: str
-) -> None:
+def test_what_does_not_fit_is_named(judge, arguments, options, said):
     with pytest.raises(ValueError, match=said):
         judge(*arguments, **options)
 

@@ -1,7 +1,5 @@
 """Explanations of a match compared with the map that it explains; example pixels; the reasons of blank pixels."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2
@@ -9,6 +7,7 @@ import numpy as np
 import pytest
 from pairs import bundled, shifted_pair, texture
 
+from stereolag import CorrelationMatcher, Reason, SearchArea
 from stereolag.assess.explaining import (
     Box,
     ExampleKind,
@@ -20,10 +19,7 @@ from stereolag.assess.explaining import (
     passes,
     with_rows_around,
 )
-from stereolag.stereo.matcher import Reason
 from stereolag.stereo.opencv import BlockMatcher, StereoBM, StereoSGBM
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import SearchArea
 
 
 def test_window_and_search_lie_where_they_should_and_near_the_border_the_nearest_stands_in() -> None:

@@ -1,20 +1,17 @@
 """Charts: their lines, marks and grids stand where the results are."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.verdict import common, drifting, tones, unrelated
+from stereolag import CorrelationMatcher, signal_lag
 from stereolag.assess.explaining import window_start
 from stereolag.core.arrays import Box
 from stereolag.figures import recordings
 from stereolag.figures.match import MAX_PER_SIDE, WindowGrid, overlap_figure, window_grid
-from stereolag.signals import signal_lag
 from stereolag.signals.correlation import overlap_slices
-from stereolag.stereo.windows.matcher import CorrelationMatcher
 from tests.app.uploads import noise
 
 

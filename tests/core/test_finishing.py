@@ -1,9 +1,6 @@
 """Checks, filters and filling of a map, each compared with its plain formula."""
 
-from __future__ import annotations
-
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -11,12 +8,11 @@ from pairs import shifted_pair, steps_pair
 from scipy import ndimage
 
 import stereolag as sl
+from stereolag import CorrelationMatcher, Reason, SearchArea
+from stereolag.core.arrays import EightBit, FloatMap
 from stereolag.core.inputs import local_deviation
 from stereolag.stereo.finishing import stages, surfaces
 from stereolag.stereo.finishing.filling import fill_between_ends_reference, filled_from_behind, filled_from_ends
-from stereolag.stereo.matcher import Reason
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import SearchArea
 
 
 @given(st.integers(0, 99), st.integers(0, 3))
@@ -61,15 +57,14 @@ def test_empty_bits_do_not_take_the_texture_away(dtype: type, scale: int) -> Non
     assert same.mean() > 0.98
 
 
-FloatMap = npt.NDArray[np.float32]
 NAN = np.float32(np.nan)
 
 
-def measured(disparity: FloatMap) -> npt.NDArray[np.uint8]:
+def measured(disparity: FloatMap) -> EightBit:
     return np.where(np.isfinite(disparity), Reason.MEASURED, Reason.LEFT_RIGHT).astype(np.uint8)
 
 
-def filled(disparity: FloatMap, guide: npt.NDArray[np.uint8]) -> FloatMap:
+def filled(disparity: FloatMap, guide: EightBit) -> FloatMap:
     return surfaces.filled_along_surfaces(disparity, gaps_filled(disparity), guide, surfaces.SurfaceFilling())
 
 
@@ -88,9 +83,7 @@ def gaps_filled(disparity: FloatMap) -> FloatMap:
     spread=st.sampled_from([125, 900]),
     missing=st.sampled_from([0.3, 1.0]),
 )
-def test_the_weighted_median_is_that_of_the_definition(
-    seed: int, reach: int, spacing: int, channels: int, contrast: int, cols: int, spread: int, missing: float
-) -> None:
+def test_the_weighted_median_is_that_of_the_definition(seed, reach, spacing, channels, contrast, cols, spread, missing):
     rng = np.random.default_rng(seed)
     values = (rng.integers(-8 * spread, 8 * spread, (9, cols)) / 8).astype(np.float32)
     values[rng.random((9, cols)) < missing] = np.nan
@@ -211,7 +204,7 @@ def test_borders_are_those_counted() -> None:
     assert long[:, :, 0].sum() == 2 * (pairs[0] != pairs[1]).sum()
 
 
-def painted(shape: tuple[int, int], seed: int = 0) -> npt.NDArray[np.uint8]:
+def painted(shape: tuple[int, int], seed: int = 0) -> EightBit:
     return np.random.default_rng(seed).integers(90, 110, (*shape, 3), dtype=np.uint8)
 
 

@@ -1,9 +1,5 @@
 """Optical flow: known motions, signs, types, refusals, another program's answer, and the verdict on two frames."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +11,6 @@ from pairs import shifted, shifted_pair, texture
 from benchmarks.flow_kinds import (
     COLS,
     ROWS,
-    Frames,
     before_a_background,
     noisy,
     openpiv,
@@ -62,8 +57,7 @@ def test_recovers_a_known_shift(dtype, dy, dx):
 
 
 @pytest.mark.parametrize(
-    ("settings", "shape", "move"),
-    [({"window_size": 31}, (48, 140), (-12, 60)), ({"levels": 1}, (320, 64), (124, -9))],
+    ("settings", "shape", "move"), [({"window_size": 31}, (48, 140), (-12, 60)), ({"levels": 1}, (320, 64), (124, -9))]
 )
 def test_a_search_at_full_size_may_hold_any_number_of_lags(settings, shape, move):
     """The second move is only in the second strip of lags; a long, narrow frame has as many lags at less cost."""
@@ -194,9 +188,7 @@ def errors(flow: FlowMap, dy: npt.ArrayLike, dx: npt.ArrayLike) -> npt.NDArray[n
 
 
 @pytest.mark.parametrize("kind", [other_photographs, other_particles, other_screens], ids=lambda kind: kind.__name__)
-def test_frames_without_anything_in_common_have_no_flow_and_none_is_filled_in(
-    kind: Callable[[np.random.Generator], Frames],
-) -> None:
+def test_frames_without_anything_in_common_have_no_flow_and_none_is_filled_in(kind):
     first, second, _ = kind(np.random.default_rng(1))
     for filling in (False, True):
         flow = optical_flow(first, second, search=32, filling=filling)

@@ -1,32 +1,31 @@
 """A template followed through frames: where it is, and when it cannot be told."""
 
-from __future__ import annotations
-
 import math
 
 import cv2
 import numpy as np
 import pytest
-from moving_patch import AWAY, COVERED, PARTLY, Picture, frames, on, sign
+from moving_patch import AWAY, COVERED, PARTLY, frames, on, sign
 from pairs import texture
 
+from stereolag.core.arrays import EightBit
 from stereolag.core.searches import TemplateMethod, TemplateQuery
 from stereolag.templates.following import Followed, Follower
 
 SIDE = 40
 
 
-def photographed(picture: Picture) -> Picture:
+def photographed(picture: EightBit) -> EightBit:
     """Return a frame as it comes over the wire."""
     return np.asarray(cv2.imdecode(cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 85])[1], 1))
 
 
-def ground() -> Picture:
+def ground() -> EightBit:
     """Return a picture with nothing in it."""
     return np.dstack([texture(240, 320, seed=one, blur=2.0) for one in range(3)])
 
 
-def cut(picture: Picture, middle: tuple[float, float], side: int = SIDE) -> Follower:
+def cut(picture: EightBit, middle: tuple[float, float], side: int = SIDE) -> Follower:
     row, col = (round(at - side / 2) for at in middle)
     return Follower(picture[row : row + side, col : col + side].copy(), row + side / 2, col + side / 2)
 

@@ -1,7 +1,5 @@
 """The guard: whatever a stranger's file does, the server and its other visitors do not notice."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

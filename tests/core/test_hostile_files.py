@@ -1,7 +1,5 @@
 """Hostile files through the guard: each is read or refused in one sentence, at no cost to the server."""
 
-from __future__ import annotations
-
 import random
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Arrays are checked once, on entry, and refused in one sentence that names the value."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """ZIP archives: contents survive; bombs, lies and odd names are refused in a sentence, at little cost."""
 
-from __future__ import annotations
-
 import io
 import struct
 import time

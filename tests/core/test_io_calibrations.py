@@ -1,7 +1,5 @@
 """Calibrations: one camera is read from every format, and what is written is read back, by OpenCV too."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import replace
 
@@ -217,15 +215,12 @@ def test_doffs_from_q_agrees_with_opencv():
     np.testing.assert_allclose(read_calibration(opencv(".yml", Q=q)).depth(disparity), depth, rtol=1e-5)
 
 
-def test_aliases_of_yaml_are_followed_and_a_second_document_is_not_read():
+def test_aliases_of_yaml_are_followed_a_second_document_is_not_read_and_a_comma_may_be_forgotten():
     matrix = M1.tolist()
     data = yaml.safe_dump({"K1": matrix, "K2": matrix, "R": R.tolist(), "T": T.ravel().tolist()})
     assert "*id" in data
     np.testing.assert_array_equal(read_calibration(data.encode()).rig.right_matrix, M1)
     is_this_camera(read_calibration(opencv(".yml", **BOTH_CAMERAS) + b"...\n---\nM1: 3\n"))
-
-
-def test_a_comma_forgotten_at_the_end_of_a_line():
     data = (
         b"projection_matrix:\n  rows: 3\n  cols: 4\n  data: [700, 0, 320, -70\n    0, 700, 240, 0,\n    0, 0, 1, 0]\n"
     )
@@ -288,14 +283,11 @@ def test_what_is_wrong_is_said_in_one_sentence(sources, message):
     assert "\n" not in str(caught.value)
 
 
-def test_cameras_with_their_poses_are_left_and_right_in_whatever_order_they_are_given():
+def test_cameras_with_their_poses_are_left_and_right_in_any_order_and_names_of_tutorials_are_understood():
     left, right = files.OF_MAKERS["EuRoC"]()
     read = read_calibration(right, left)
     is_this_camera(read)
     assert read.notes == ()
-
-
-def test_names_of_tutorials_are_understood():
     is_this_camera(read_calibration(files.npz(Kl=M1, Dl=D1, Kr=M2, Dr=D2, Rot=R, Trns=T)))
 
 

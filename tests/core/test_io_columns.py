@@ -1,7 +1,5 @@
 """Columns as loggers, oscilloscopes and spreadsheets write them: channels, on the clock of their times."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import UTC, datetime, timedelta
@@ -148,8 +146,7 @@ DATED = {
     "month first": dated("%b %d, %Y %H:%M:%S.%L", '"{}",{},{}', "Time,A,B"),
     "weekday and zone": dated("%a %d %b %Y %H:%M:%S.%L UTC", "{},{},{}", "Time,A,B"),
     "HOBO": rows(
-        lambda i: f"{i + 1},{DATE_12(i)},{A[i]},{B[i]},",
-        'Title: x\n"#","Date Time, GMT","A, V","B, V","Coupler"',
+        lambda i: f"{i + 1},{DATE_12(i)},{A[i]},{B[i]},", 'Title: x\n"#","Date Time, GMT","A, V","B, V","Coupler"'
     ),
     "Campbell": dated("%Y-%m-%d %H:%M:%S.%L", '"{}",{},{}', '"TOA5","CR1"\n"TS","A","B"\n"TS","V","V"\n"","Avg","Avg"'),
     "compact": dated("%Y%m%dT%H%M%S.%L", "{},{},{}"),
@@ -270,15 +267,9 @@ def test_a_gap_is_named_and_filled_by_a_line_so_that_samples_stay_in_their_place
 
 
 @pytest.mark.parametrize(
-    ("rates", "uneven", "gaps"),
-    [
-        ((200, 99.1), (0.0, 0.3), (2.5, 0.0)),
-        ((97.3, 50), (0.3, 0.0), (2.5, 3.7)),
-    ],
+    ("rates", "uneven", "gaps"), [((200, 99.1), (0.0, 0.3), (2.5, 0.0)), ((97.3, 50), (0.3, 0.0), (2.5, 3.7))]
 )
-def test_the_lag_is_true_from_one_logger_to_another_across_gaps(
-    rates: tuple[float, float], uneven: tuple[float, float], gaps: tuple[float, float]
-) -> None:
+def test_the_lag_is_true_from_one_logger_to_another_across_gaps(rates, uneven, gaps):
     random = np.random.default_rng(7)
     sos = signal.butter(4, [1, 20], fs=1000, btype="band", output="sos")
     sound = signal.sosfiltfilt(sos, random.normal(size=64_000))

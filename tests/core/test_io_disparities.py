@@ -1,7 +1,5 @@
 """Maps as files: read as their makers intended, written for this library, OpenCV, Pillow and PLY readers."""
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Callable
@@ -23,7 +21,6 @@ from stereolag.io.arrays import npy
 from stereolag.io.disparities import (
     DISPARITY_FORMATS,
     FORMATS,
-    MAX_DISPARITY_PX,
     check_kitti,
     confidence_png,
     kitti_png,
@@ -110,27 +107,6 @@ def test_a_failure_leaves_the_file_that_was_there(tmp_path: Path, monkeypatch: p
     assert [*tmp_path.iterdir()] == [path]
 
 
-@given(
-    disparity=hnp.arrays(np.float32, shapes, elements=st.floats(min_value=0, width=32)).filter(
-        lambda a: (a < MAX_DISPARITY_PX).any()
-    ),
-    scale=st.sampled_from(["-1.0", "1.0", "-0.003922", "2e-3"]),
-)
-def test_a_pfm_is_read_in_both_byte_orders_whatever_its_scale(disparity, scale):
-    """Middlebury's files have 0.00392157 (1/255), others 1/256: OpenCV multiplies the others by 256, we do not."""
-    found = read_disparity(pfm_of(disparity, scale))
-    assert found.dtype == np.float32
-    np.testing.assert_array_equal(found, np.where(disparity < MAX_DISPARITY_PX, disparity, np.nan))
-
-
-@given(pixels=hnp.arrays(np.uint16, shapes).filter(np.any))
-def test_16_bits_are_divided_by_256_and_0_is_unknown(pixels):
-    found = read_disparity(png(pixels))
-    assert found.dtype == np.float32
-    np.testing.assert_array_equal(np.isnan(found), pixels == 0)
-    np.testing.assert_array_equal(np.nan_to_num(found) * 256, pixels)
-
-
 @pytest.mark.parametrize("first", [-9, 1, 2, 9])
 def test_what_opencv_writes_below_its_search_is_unknown_wherever_that_begins(first):
     wide = np.random.default_rng(first + 99).integers(0, 256, (60, 120), np.uint8)
@@ -146,27 +122,20 @@ def test_what_opencv_writes_below_its_search_is_unknown_wherever_that_begins(fir
         np.testing.assert_array_equal(read_disparity(data), expected)
 
 
-def test_a_flat_background_of_whole_pixels_is_no_unknown_disparity():
-    made = np.full((20, 30), 5.0, np.float32)
-    made[5:15, 8:20] = 7.5
-    for stored in (made, (16 * made).astype(np.int16)):
-        np.testing.assert_array_equal(read_disparity(npy(stored)), made)
-
-
-@given(pixels=hnp.arrays(np.uint8, shapes).filter(np.any), divisor=st.sampled_from([1, 2, 4, 16]))
-def test_8_bits_with_a_divisor(pixels, divisor):
-    rows, cols = pixels.shape
-    pgm = f"P5\n# made by hand\n{cols} {rows}\n255\n".encode() + pixels.tobytes()
-    for data in (png(pixels), pgm):
-        found = read_disparity(data, divisor=divisor)
-        np.testing.assert_array_equal(np.nan_to_num(found) * divisor, pixels)
-        np.testing.assert_array_equal(np.isnan(found), pixels == 0)
-
-
 @pytest.mark.parametrize(
     ("data", "divisor", "expected"),
     [
         (b"P5 2 1 15\n\x05\x0f", 1, [[5, 15]]),  # not stretched to 255
+        (b"P5\n# made by hand\n2 1\n255\n\0\7", 4, [[np.nan, 1.75]]),
+        (png(np.array([[0, 7]], np.uint8)), 4, [[np.nan, 1.75]]),
+        (png(np.array([[0, 640]], np.uint16)), None, [[np.nan, 2.5]]),
+        (
+            pfm_of(np.array([[7, 0.25], [3, 1]]), "0.003922"),
+            None,
+            [[7, 0.25], [3, 1]],
+        ),
+        (npy(np.array([[5, 5, 7.5]])), None, [[5, 5, 7.5]]),  # no background of whole pixels is unknown
+        (npy(np.array([[80, 80, 120]], np.int16)), None, [[5, 5, 7.5]]),
         (b"P5 2 1 4095\n" + np.array([512, 4095], ">u2").tobytes(), None, [[2, 4095 / 256]]),
         (png(np.array([[65520, 96, 97]], np.uint16)), None, [[np.nan, 6, 97 / 16]]),  # OpenCV's, with unknown pixels
         (png(np.array([[65520, 40000]], np.uint16)), None, [[65520 / 256, 40000 / 256]]),
@@ -296,7 +265,7 @@ def test_pictures_come_back_without_loss(dtype, shape):
     np.testing.assert_array_equal(opencv(image_png(image)), opencv_order)
 
 
-def test_floats_come_back_from_a_tiff_bit_for_bit():
+def test_floats_come_back_from_a_tiff_and_masks_and_confidence_are_of_8_and_16_bits():
     image = np.random.default_rng(0).normal(0, 1e3, (7, 9)).astype(np.float32)
     np.testing.assert_array_equal(read_image(image_tiff(image)), image)
     for bad in (image.astype(np.uint8), np.stack([image] * 3, axis=-1)):
@@ -304,9 +273,6 @@ def test_floats_come_back_from_a_tiff_bit_for_bit():
             image_tiff(bad)
     with pytest.raises(ValueError, match="float32"):
         image_png(image)
-
-
-def test_masks_and_confidence_are_pictures_of_8_and_16_bits():
     np.testing.assert_array_equal(opencv(image_png([[True, False]])), [[255, 0]])
     sure = opencv(confidence_png([[np.nan, 0, 0.5, 1]]))
     assert sure.dtype == np.uint16

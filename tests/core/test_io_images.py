@@ -1,7 +1,5 @@
 """Pictures: every accepted kind is read correctly, and every bad one is refused in one clear sentence."""
 
-from __future__ import annotations
-
 import io
 
 import cv2

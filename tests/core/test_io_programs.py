@@ -1,13 +1,12 @@
 """Exported programs make the same maps bit for bit, and files of settings the same matcher, also in OpenCV."""
 
-from __future__ import annotations
-
 import ast
 import json
 from functools import partial
 from pathlib import Path
 from typing import Literal
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given
@@ -120,6 +119,8 @@ def test_imports_name_each_class_once_and_none_of_the_public_ones():
     assert imports(Stages()) == [f"from {__name__} import Smoothing, Stages"]
 
 
+MODE = "STEREO_SGBM_MODE_"
+MODES = [name for name in dir(cv2) if name.startswith(MODE)]
 BM_ALL_SET = sl.StereoBM(
     num_disparities=32,
     min_disparity=-3,
@@ -140,10 +141,11 @@ BM_ALL_SET = sl.StereoBM(
         (BM_ALL_SET, "colour"),
         (sl.StereoSGBM(num_disparities=16, min_disparity=2, disp12_max_diff=-1), "transparent"),
         (sl.StereoSGBM(num_disparities=16, mode="hh", p1=8, p2=90, pre_filter_cap=31), "deep"),
+        (sl.StereoBM(num_disparities=16, block_size=11, min_disparity=2), "grey"),
         (sl.StereoSGBM(num_disparities=16, mode="hh"), "raw"),
-        (sl.StereoSGBM(num_disparities=16, mode="sgbm_3way"), "float"),
+        *((sl.StereoSGBM(num_disparities=16, mode=name.removeprefix(MODE).lower()), "float") for name in MODES),
     ],
-    ids=["BM", "BM all set", "SGBM unchecked", "HH", "12 bits", "3WAY"],
+    ids=str,
 )
 def test_the_program_of_opencv_alone_measures_the_same(matcher: BlockMatcher, kind: str, tmp_path: Path) -> None:
     left, right = (made_of(image, kind) for image in shifted_pair(80, 120, 0, -5.3))

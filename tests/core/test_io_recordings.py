@@ -1,7 +1,5 @@
 """Recordings: arrays, files of other programs by name, what is no recording at all; and at other rates."""
 
-from __future__ import annotations
-
 import gzip
 import io
 import pickle
@@ -18,12 +16,11 @@ from scipy.io import savemat
 from benchmarks.camera_files import npz
 from benchmarks.picture_bytes import by_pillow
 from benchmarks.recording_bytes import matlab, saved
+from stereolag import read_signal, signal_lag
 from stereolag.core.jobs import Limits
 from stereolag.io import clocks
 from stereolag.io.clocks import Gap, Recording
 from stereolag.io.formats import ACCEPTED, RECORDING_SUFFIXES
-from stereolag.io.recordings import read_signal
-from stereolag.signals import signal_lag
 from tests.archives import zipped
 
 A, B = np.random.default_rng(0).normal(size=(2, 300)).round(4)
@@ -243,9 +240,7 @@ def test_rates_that_contradict_each_other_are_refused() -> None:
     assert signal_lag(first.channels[0], second.channels[0], sampling_rate=1000).time_s == 0.8
 
 
-def test_a_recording_of_that_rate_stays_as_it_is_and_what_cannot_be_resampled_is_refused(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_recording_of_that_rate_stays_as_it_is_and_what_cannot_be_resampled_is_refused(monkeypatch):
     recording = Recording(np.ones((1, 600_000)), 8_000.0)
     assert recording.resampled(8_000.0) is recording
     assert recording.resampled_from is None

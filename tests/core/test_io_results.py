@@ -1,7 +1,5 @@
 """Results as files are read back; programs and commands of searches are run again."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -12,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from commanded import Command
 from pydantic import Field
 
 import stereolag as sl
 from stereolag.commands.arguments import CommandParser, SettingsFlags
+from stereolag.core.arrays import Vector
 from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.io.arrays import npy
 from stereolag.io.images import image_png
@@ -36,10 +34,8 @@ from stereolag.io.results import (
 from stereolag.signals.over_time import LagOverTime, Stretch
 from tests.programs import run_program
 
-Signal = npt.NDArray[np.float64]
 
-
-def apart(lag: int, size: int = 3000) -> tuple[Signal, Signal]:
+def apart(lag: int, size: int = 3000) -> tuple[Vector, Vector]:
     """Return two recordings, the second of which hears the sound `lag` samples later."""
     noise = np.random.default_rng(0).uniform(-0.5, 0.5, size + abs(lag))
     first, second = noise[max(0, lag) :][:size], noise[max(0, -lag) :][:size]
@@ -80,9 +76,7 @@ def test_votes_stand_in_the_place_of_a_correlation() -> None:
 
 @pytest.mark.parametrize(("gain", "offset"), [(1.0, 0.0), (900.0, 2048.0)])
 @pytest.mark.parametrize("lag", [-700, 0, 123])
-def test_the_aligned_files_are_read_back_with_no_lag(
-    lag: int, gain: float, offset: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_aligned_files_are_read_back_with_no_lag(lag, gain, offset, monkeypatch):
     monkeypatch.setattr("stereolag.signals.alignment.BLOCK", 777)
     first, second = (gain * signal + offset for signal in apart(lag))
     aligned = sl.align(first, second, lag)
@@ -225,9 +219,7 @@ def as_told(match: sl.TemplateMatch) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("query", QUERIES, ids=str)
-def test_the_find_command_says_what_the_file_says_and_the_matches_come_back(
-    query: TemplateQuery, pictures: Path, ran: Command
-) -> None:
+def test_the_find_command_says_what_the_file_says_and_the_matches_come_back(query, pictures, ran):
     command = shlex.split(find_command(query, "image.png", "template.png", "mask.png"))
     told = without_time(ran(*command[1:], "--json").out)
     result = found(query)

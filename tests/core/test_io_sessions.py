@@ -1,7 +1,5 @@
 """A session is read as it was written, and its odd entries are left out or refused."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Sound of audio files and videos: what other programs wrote is read, in its place in time, or refused by its name."""
 
-from __future__ import annotations
-
 import struct
 import tracemalloc
 from pathlib import Path
@@ -12,12 +10,11 @@ import soundfile
 from scipy import signal
 
 from benchmarks.recording_bytes import filmed, plain_wav, riff_chunk, sound, wav
+from stereolag import read_signal, signal_lag
 from stereolag.core.jobs import Limits
 from stereolag.io import clocks, sounds, sources
 from stereolag.io.clocks import Gap, Recording
 from stereolag.io.formats import SOUND_FORMATS, sound_format
-from stereolag.io.recordings import read_signal
-from stereolag.signals import signal_lag
 
 STEREO = np.random.default_rng(3).uniform(-0.5, 0.5, (4000, 2))
 VOICE = 0.07 * signal.lfilter([1], [1, -0.9], np.random.default_rng(0).normal(size=32_768))
@@ -148,9 +145,7 @@ def interrupted(
     ],
 )
 @pytest.mark.parametrize("from_path", [False, True])
-def test_all_samples_of_an_interrupted_wav_are_read_and_that_is_said(
-    data: bytes, said: str, from_path: bool, tmp_path: Path
-) -> None:
+def test_all_samples_of_an_interrupted_wav_are_read_and_that_is_said(data, said, from_path, tmp_path):
     (tmp_path / "cut.wav").write_bytes(data)
     recording = read_signal(tmp_path / "cut.wav" if from_path else data)
     np.testing.assert_array_equal(recording.channels[0], CODED / 32_768)
@@ -264,9 +259,7 @@ def test_long_audio_is_held_as_float32(kind: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("cut", [False, True])
-def test_audio_on_disk_is_streamed_whatever_its_size(
-    cut: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_audio_on_disk_is_streamed_whatever_its_size(cut, tmp_path, monkeypatch):
     path = tmp_path / "sound.wav"
     soundfile.write(path, np.tile(LONG, (25, 1)), 8000, format="WAV", subtype="PCM_16")
     data = path.read_bytes()

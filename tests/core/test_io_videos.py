@@ -1,7 +1,5 @@
 """Frames of videos by number: exactly those asked for, and none from hostile files."""
 
-from __future__ import annotations
-
 import pickle
 import random
 from contextlib import suppress
@@ -151,9 +149,7 @@ def test_a_video_cut_short_is_refused_or_keeps_its_first_frames(mp4: bytes) -> N
         ({"max_megapixels": 4}, "at most 4 megapixels"),
     ],
 )
-def test_limits_hold_before_a_frame_is_decoded(
-    mp4: bytes, limit: dict[str, int], sentence: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_limits_hold_before_a_frame_is_decoded(mp4, limit, sentence, monkeypatch):
     monkeypatch.setattr(limits_module, "_defaults", limit)
     limits.cache_clear()
     try:

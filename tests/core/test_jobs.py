@@ -1,7 +1,5 @@
 """Limits in the environment; the cost table matches real costs; too large a job is refused before it allocates."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
@@ -10,22 +8,17 @@ import tracemalloc
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from benchmarks.memory import CLEAR_REFS
-from stereolag.assess.diagnosis import diagnose
+from stereolag import CorrelationMatcher, SearchArea, StereoBM, StereoSGBM, diagnose, preset
 from stereolag.core import jobs
 from stereolag.core.jobs import COSTS, Estimate, check_memory, limits, machine_memory, set_defaults
 from stereolag.signals import estimate_lag, signal_lag
 from stereolag.signals.lag import product_count
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.stereo.methods import preset
-from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates import estimate_search, match_template
 
 GB = 10**9
@@ -91,9 +84,7 @@ MB_256 = "268435456"
         (None, {"memory.max": "1"}, None),  # not Linux
     ],
 )
-def test_a_container_and_a_service_have_the_memory_of_their_groups(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, joined: str | None, files: dict[str, str], megabytes: int | None
-) -> None:
+def test_a_container_and_a_service_have_the_memory_of_their_groups(monkeypatch, tmp_path, joined, files, megabytes):
     for name, limit in files.items():
         file = tmp_path / "groups" / name
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -267,9 +258,7 @@ def test_a_refusal_names_the_estimate_and_the_limit(limited: Callable[[int], Non
         *(((2000, 3000), lambda left, matcher=matcher: matcher.compute(left, left)) for matcher in MATCHERS),
     ],
 )
-def test_a_job_too_large_is_refused_before_it_makes_a_copy_of_its_input(
-    limited: Callable[[int], None], shape: tuple[int, ...], job: Callable[[Any], object]
-) -> None:
+def test_a_job_too_large_is_refused_before_it_makes_a_copy_of_its_input(limited, shape, job):
     limited(64)
     given = np.random.default_rng(0).integers(0, 256, shape, dtype=np.uint8)
     tracemalloc.start()

@@ -1,7 +1,5 @@
 """The layers listed in ARCHITECTURE.md: imports only go down, without cycles, and the library imports no UI."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import importlib.util
@@ -139,9 +137,7 @@ def test_only_the_upper_layers_know_the_screen(screen: str) -> None:
         ("from stereolag import *", {"streamlit", "plotly", "stereolag.figures.notebooks"}),
     ],
 )
-def test_importing_the_library_brings_in_nothing_before_it_is_used_and_never_a_screen(
-    line: str, absent: set[str]
-) -> None:
+def test_importing_the_library_brings_in_nothing_before_it_is_used_and_never_a_screen(line, absent):
     code = f"{line}; import sys; sys.exit(', '.join({absent} & set(sys.modules)) or 0)"
     subprocess.run([sys.executable, "-c", code], check=True, cwd=PACKAGE.parent)
 

@@ -1,7 +1,5 @@
 """One picture with both views: divided as it is, whatever the layout; what holds no two views is refused by name."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Compilation, machine code and bands of rows."""
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import importlib
@@ -30,7 +28,7 @@ import pytest
 
 import stereolag
 import stereolag as sl
-from stereolag.core.jobs import Progress, silent
+from stereolag.core.jobs import silent
 from stereolag.loops import bands, compilation, numba_inside
 from stereolag.loops.bands import available_cores, in_threads, lone_threads, over_bands, row_bands
 from stereolag.loops.compilation import MAKES_CODE, SOURCES, Loop, compiled
@@ -74,7 +72,7 @@ class Start:
         theirs.close()
         assert self._pipe.recv() == "ready"
 
-    def go(self) -> Start:
+    def go(self) -> "Start":
         self._pipe.send("go")
         return self
 
@@ -113,7 +111,6 @@ def loops(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="module", autouse=True)
 def _numba_ready() -> None:
-    """Have Numba ready in all forks."""
     numba.njit(lambda: 0)()
 
 
@@ -464,9 +461,7 @@ def test_work_of_a_lone_thread_stays_in_it() -> None:
 
 
 @pytest.mark.parametrize("progress", [silent, lambda fraction: None])
-def test_no_jobs_have_no_results_and_an_error_is_raised_once_all_that_began_has_ended(
-    progress: Progress, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_jobs_have_no_results_and_an_error_is_raised_once_all_that_began_has_ended(progress, monkeypatch):
     monkeypatch.setattr(bands, "available_cores", lambda: 2)
     assert in_threads([], progress) == []
     begun, ended = threading.Event(), threading.Event()

@@ -1,7 +1,5 @@
 """Results in notebooks: the verdict comes first, pictures are decodable and small, and the example notebook runs."""
 
-from __future__ import annotations
-
 import ast
 import base64
 import html
@@ -98,9 +96,7 @@ def test_the_image_shows_what_the_result_does_not_hold(browser: list[str]) -> No
         assert page.count("<img") == 1
 
 
-def test_in_a_notebook_a_result_is_displayed_and_in_a_terminal_opened(
-    browser: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_in_a_notebook_a_result_is_displayed_and_in_a_terminal_opened(browser, monkeypatch):
     displayed: list[str] = []
     display = SimpleNamespace(display=displayed.append, HTML=str)
     for name, in_notebook in (("ZMQInteractiveShell", True), ("TerminalInteractiveShell", False)):

@@ -1,7 +1,5 @@
 """Pictures, readings and pairs packed for the browser, read back byte by byte."""
 
-from __future__ import annotations
-
 import io
 import json
 from typing import Any

@@ -1,7 +1,5 @@
 """A stereo pair: its files fitted to each other, its preparation step by step, and the keys that identify it."""
 
-from __future__ import annotations
-
 import io
 import json
 from dataclasses import replace
@@ -88,10 +86,6 @@ TRUE_PX = np.where(np.arange(60)[:, None] < 20, np.float32(12.25), np.float32(24
 """Px; the disparities of a board before a wall."""
 
 
-def opencv_png(disparity: np.ndarray) -> bytes:
-    return image_png(np.rint(disparity * 16).astype(np.uint16))
-
-
 def sintel_png(disparity: np.ndarray) -> bytes:
     whole = np.rint(disparity * 16384).astype(np.int64)
     return image_png(np.dstack([whole >> 16, whole >> 8 & 255, whole & 255]).astype(np.uint8))
@@ -103,7 +97,7 @@ def sintel_png(disparity: np.ndarray) -> bytes:
         (image_png(np.rint(TRUE_PX * 4).astype(np.uint8)), "8 bits: ÷ 4 agrees best with a quick map."),
         (npy(np.where(np.eye(60, 160) > 0, -1, TRUE_PX) * 16), "16 times too large"),
         (npy((np.where(np.eye(60, 160) > 0, -1, TRUE_PX) * 16).astype(np.int16)), ""),
-        (opencv_png(TRUE_PX), "16 times too small"),
+        (image_png(np.rint(TRUE_PX * 16).astype(np.uint16)), "16 times too small"),
         (image_png(np.rint(TRUE_PX * 64).astype(np.uint16)), "4 times too small"),
         (image_png(np.rint(TRUE_PX * 100).astype(np.uint16)), "2.56 times too small"),
         (image_png(np.rint(TRUE_PX * 256).astype(np.uint16)), ""),

@@ -1,7 +1,5 @@
 """Files that belong together are found by their names."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -69,13 +67,10 @@ def test_pairs_are_matched_by_name(name: str) -> None:
     assert matched_pairs(names[::-1]) == found
 
 
-def test_pairs_are_called_by_what_their_names_share() -> None:
+def test_pairs_are_called_by_what_their_names_share_and_ten_comes_after_two() -> None:
     names = ["set/left/000.png", "set/right/000.png", "x/im0.png", "x/im1.png", "left.png", "right.png"]
     assert [pair.name for pair in matched_pairs(names)] == ["pair", "set 000", "x"]
     assert [pair.name for pair in matched_pairs([f"all/{name}" for name in names[:4]])] == ["set 000", "x"]
-
-
-def test_ten_comes_after_two() -> None:
     names = [f"{side}{number}.png" for number in (10, 2, 1) for side in ("left", "right")]
     assert [pair.left for pair in matched_pairs(names)] == ["left1.png", "left2.png", "left10.png"]
     assert sorted(["a10", "a²", "a2"], key=natural_order) == ["a2", "a10", "a²"]

@@ -1,7 +1,5 @@
 """Pictures for display: colours, frames, flows, edges and printed legends, read back pixel by pixel."""
 
-from __future__ import annotations
-
 import colorsys
 import re
 
@@ -12,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from stereolag.core.arrays import Array, EightBit
 from stereolag.figures import pictures
 from stereolag.figures.boards import with_corners
 from stereolag.figures.legends import FAR_TO_NEAR, with_legend
@@ -25,7 +24,7 @@ from stereolag.templates import TemplateMatch
 from tests.app.uploads import texture
 
 
-def decoded(data: bytes) -> npt.NDArray[np.uint8]:
+def decoded(data: bytes) -> EightBit:
     picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)
 
@@ -109,7 +108,7 @@ def test_a_peak_one_place_wide_is_seen_in_a_reduced_score_map() -> None:
     assert tuple(shown[220, 220]) == pictures.NO_ANSWER
 
 
-def one(dy: float, dx: float, largest: float = 1.0) -> npt.NDArray[np.uint8]:
+def one(dy: float, dx: float, largest: float = 1.0) -> EightBit:
     return pictures.flow_colours(np.full((1, 1), dy, np.float32), np.full((1, 1), dx, np.float32), largest)[0, 0]
 
 
@@ -156,7 +155,7 @@ def test_arrows_stand_where_there_is_motion_and_nowhere_else() -> None:
     assert (image == 128).all()
 
 
-def disc(rows: int, cols: int, dtype: npt.DTypeLike = np.uint8) -> npt.NDArray[np.generic]:
+def disc(rows: int, cols: int, dtype: npt.DTypeLike = np.uint8) -> Array:
     """Return a bright disc centred on a dark ground, with a radius of a quarter of the rows."""
     y, x = np.mgrid[:rows, :cols] + 0.5
     inside = np.hypot(x - cols / 2, y - rows / 2) < rows / 4

@@ -1,7 +1,5 @@
 """Rectified pairs: rows and depths are those of OpenCV; pairs are split, cropped and reduced."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cv2

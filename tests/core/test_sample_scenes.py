@@ -1,7 +1,5 @@
 """The bundled pairs and the bundled drive: ground truth, checked against the pictures independently of the renderer."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from functools import cache

@@ -1,7 +1,5 @@
 """Settings for smaller or larger images: the same part of them, as far as is allowed."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import pytest
@@ -9,12 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field
 
+from stereolag import CorrelationMatcher, SearchArea, StereoBM, StereoSGBM
 from stereolag.core.settings import Applies, Pixels, Settings, scaled_settings
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, PresetName, preset
-from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import SearchArea
 
 
 def test_settings_shrink_alike() -> None:

@@ -1,13 +1,11 @@
 """The scene in metres: distances, clouds without flying pixels, their view from above, and rigid motions."""
 
-from __future__ import annotations
-
 import math
 
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -77,7 +75,6 @@ def test_the_typical_error_is_the_median_where_both_are_known(count: int) -> Non
 UNKNOWN = st.sampled_from([np.nan, np.inf, -np.inf])
 
 
-@settings(max_examples=40)
 @given(hnp.arrays(np.float32, (7, 9), elements=UNKNOWN | st.floats(-5, 5, width=32)))
 def test_flying_pixels_are_those_with_fewer_than_nine_alike_of_25(disparity):
     flying = scene.flying_pixels(disparity)

@@ -1,7 +1,5 @@
 """Scene flow on ray-cast scenes, where the own motion and the moving things and speeds are known exactly."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -1,7 +1,5 @@
 """The same job on a Dask cluster: bit-identical maps, and nothing lost with a worker."""
 
-from __future__ import annotations
-
 import importlib.util
 import multiprocessing
 import os
@@ -90,12 +88,7 @@ def test_a_worker_killed_midway_loses_nothing(cluster: Any, folders: tuple[Path,
     sequence, here = open_sequence(*folders), tmp_path / "threads"
     away = tmp_path / "cluster"
     result = run_sequence(
-        sequence,
-        {"maps": ACCURATE},
-        away,
-        settings=settings,
-        scheduler=cluster.scheduler_address,
-        progress=kill,
+        sequence, {"maps": ACCURATE}, away, settings=settings, scheduler=cluster.scheduler_address, progress=kill
     )
     assert killed
     assert (result.matched, list(result.damaged)) == (11, ["007"])
@@ -104,9 +97,7 @@ def test_a_worker_killed_midway_loses_nothing(cluster: Any, folders: tuple[Path,
     assert flickers(away) == flickers(here)
 
 
-def test_a_run_goes_on_here_where_a_cluster_left_it(
-    cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_goes_on_here_where_a_cluster_left_it(cluster, tmp_path, monkeypatch):
     """The workers read the archive from its bytes; looks come while frames are on their way from a worker."""
     monkeypatch.setattr(running, "POLL_S", 0.001)
     out, states = tmp_path / "out", list[SequenceState]()
@@ -126,9 +117,7 @@ def test_a_run_goes_on_here_where_a_cluster_left_it(
     assert away.items() <= contents(tmp_path / "here").items()
 
 
-def test_ctrl_c_in_a_terminal_leaves_local_workers_to_the_command(
-    folders: tuple[Path, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_in_a_terminal_leaves_local_workers_to_the_command(folders, tmp_path, capfd, monkeypatch):
     monkeypatch.setattr(running, "available_cores", lambda: 1)  # one worker is enough to show it
     others = {process.pid for process in multiprocessing.active_children()}
     told = set[int]()

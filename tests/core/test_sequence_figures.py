@@ -1,18 +1,15 @@
 """The figures of each frame: flicker, nearest obstacle and errors, and their table."""
 
-from __future__ import annotations
-
 import math
 import pickle
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from pairs import texture
 
 from stereolag import Calibration, StereoSGBM
+from stereolag.core.arrays import FloatMap
 from stereolag.geometry.scene import ground_of, nearest_obstacle
 from stereolag.io.disparities import kitti_png, pfm
 from stereolag.sequences.frames import (
@@ -27,7 +24,6 @@ from stereolag.sequences.frames import (
 )
 from stereolag.sequences.motion import flicker, still_pixels
 
-FloatMap = npt.NDArray[np.float32]
 CALIBRATION = Calibration(focal_px=700.0, baseline_m=0.5)
 
 
@@ -121,9 +117,7 @@ def test_figures_of_a_frame() -> None:
 
 @pytest.mark.parametrize(("encode", "ending"), [(kitti_png, ".png"), (pfm, ".pfm")])
 @pytest.mark.parametrize("missing", [0.0, 0.3, 1.0])
-def test_a_map_is_what_is_read_back_from_its_file(
-    encode: Callable[[FloatMap], bytes], ending: str, missing: float
-) -> None:
+def test_a_map_is_what_is_read_back_from_its_file(encode, ending, missing):
     rng = np.random.default_rng(0)
     disparity = rng.uniform(-0.3, 255, (40, 50)).astype(np.float32)
     disparity[rng.random((40, 50)) < missing] = np.nan

@@ -1,10 +1,7 @@
 """Motion in a sequence, on a small drive with known speeds."""
 
-from __future__ import annotations
-
 import csv
 import io
-from pathlib import Path
 
 import av
 import numpy as np
@@ -87,9 +84,7 @@ def test_table_and_video_tell_of_motion(drive: StereoSequence) -> None:
 
 
 @pytest.mark.parametrize("kept_in", ["memory", "folder"])
-def test_motion_asked_for_later_is_told_of_finished_frames(
-    drive: StereoSequence, tmp_path: Path, kept_in: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_motion_asked_for_later_is_told_of_finished_frames(drive, tmp_path, kept_in, monkeypatch):
     kept = SequenceMemory() if kept_in == "memory" else tmp_path / "maps"
     run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA)
     moving = SequenceSettings(motion=SequenceMotion())

@@ -1,8 +1,5 @@
 """The job over all frames: written once, resumed, cancelled, with constant memory; and its video."""
 
-from __future__ import annotations
-
-import csv
 import io
 import json
 import math
@@ -17,7 +14,7 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
-from small_drives import COLS, DISPARITIES, ROWS, Counting, archive, contents, matched, numbered, write_folders
+from small_drives import COLS, DISPARITIES, ROWS, Counting, archive, contents, matched, numbered, rows_of, write_folders
 
 from stereolag import Calibration, StereoBM, StereoSGBM, preset, read_disparity
 from stereolag.assess.findings import Finding, FindingCode
@@ -75,18 +72,11 @@ def test_a_drive_is_searched_over_the_range_of_all_its_frames_and_a_black_one_ha
     assert examined is not None and examined.disparities == pytest.approx((4, 6), abs=0.5)
 
 
-def rows_of(out: Path) -> list[dict[str, str]]:
-    with (out / "frames.csv").open(newline="") as file:
-        return list(csv.DictReader(file))
-
-
 def untimed(out: Path) -> list[dict[str, str]]:
     return [row | {"milliseconds": ""} for row in rows_of(out)]
 
 
-def test_frames_of_cameras_above_each_other_are_turned_to_be_matched_and_their_maps_turned_back(
-    drive: StereoSequence,
-) -> None:
+def test_frames_of_cameras_above_each_other_are_turned_to_be_matched_and_their_maps_turned_back(drive):
     plain, back = SequenceMemory(), SequenceMemory()
     run_sequence(drive, FAST, plain)
 
@@ -129,9 +119,7 @@ def test_every_frame_is_written_with_its_figures(drive: StereoSequence, tmp_path
     assert all(one.done <= other.done for one, other in pairwise(states))
 
 
-def test_finished_frames_are_not_matched_again_and_half_a_file_is_not_finished(
-    drive: StereoSequence, tmp_path: Path
-) -> None:
+def test_finished_frames_are_not_matched_again_and_half_a_file_is_not_finished(drive, tmp_path):
     out, methods = tmp_path / "out", {"fast": FAST, "bm": Counting(num_disparities=16, block_size=9)}
 
     def after_three(state: SequenceState) -> None:
@@ -197,14 +185,11 @@ def test_a_damaged_frame_is_left_out_and_tried_again_later(drive: StereoSequence
 
 
 def shown(video: bytes | Path) -> list[np.ndarray]:
-    """Return the pictures of a video, (H, W, 3)."""
     with av.open(str(video) if isinstance(video, Path) else io.BytesIO(video)) as container:
         return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
 
 
-def test_it_ends_within_a_second_when_called_off_and_what_was_done_can_be_watched(
-    drive: StereoSequence, tmp_path: Path
-) -> None:
+def test_it_ends_within_a_second_when_called_off_and_what_was_done_can_be_watched(drive, tmp_path):
     called, path, states = threading.Event(), tmp_path / "part.mp4", list[SequenceState]()
     threading.Timer(0.3, called.set).start()
     start = time.perf_counter()
@@ -247,9 +232,7 @@ def test_a_search_beyond_the_png_is_refused_before_anything_is_written(drive: St
     assert np.array_equal(stored, matcher.compute(frame.left, frame.right).disparity, equal_nan=True)
 
 
-def test_methods_that_name_no_folder_and_colours_that_are_no_range_are_refused(
-    drive: StereoSequence, tmp_path: Path
-) -> None:
+def test_methods_that_name_no_folder_and_colours_that_are_no_range_are_refused(drive, tmp_path):
     for name in ("", "..", "a/b", ".hidden", "x" * 80):
         with pytest.raises(ValueError, match="not a folder name"):
             run_sequence(drive, {name: FAST}, tmp_path / "out")
@@ -319,9 +302,7 @@ def test_a_wide_video_is_made_smaller_and_another_ending_is_refused(tmp_path: Pa
         VideoWriter(tmp_path / "a.avi", 10, 1)
 
 
-def test_memory_keeps_the_same_and_touches_no_disk(
-    drive: StereoSequence, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_memory_keeps_the_same_and_touches_no_disk(drive, tmp_path, monkeypatch):
     out = tmp_path / "out"
     run_sequence(drive, BOTH, out, video=SequenceVideo(tmp_path / "drive.mp4", (0, 16)))
     kept, film = SequenceMemory(), io.BytesIO()

@@ -1,7 +1,5 @@
 """Sources of frames: folders, patterns, an archive, two videos, one side-by-side video."""
 
-from __future__ import annotations
-
 import io
 import pickle
 import random
@@ -174,9 +172,7 @@ def test_a_folder_is_read_as_its_archive_is_and_pictures_may_hold_both_views(tmp
         ("frame{number}left640", "frame{number}right640"),
     ],
 )
-def test_a_dropped_picture_shifts_no_other_whether_names_hold_times_or_numbers(
-    left: str, right: str, tmp_path: Path
-) -> None:
+def test_a_dropped_picture_shifts_no_other_whether_names_hold_times_or_numbers(left, right, tmp_path):
     """As many pictures were dropped on both sides, so that pairing in order would go unnoticed."""
     files = {}
     for number, pair in enumerate(pairs_of(range(1, 21))):

@@ -1,29 +1,22 @@
 """Maps steadied by the previous frame: less flicker, no smearing, no delay, and reproducible to the bit."""
 
-from __future__ import annotations
-
-import csv
-import io
 import math
 from pathlib import Path
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 import pytest
 from pairs import texture
-from small_drives import Counting, contents, matched, write_frames
+from small_drives import Counting, contents, matched, rows_of, write_frames
 
-from stereolag import StereoBM, StereoSGBM, preset
-from stereolag.core.arrays import FloatMap
+from stereolag import DisparityMap, Reason, StereoBM, StereoSGBM, preset
+from stereolag.core.arrays import EightBit, FloatMap
 from stereolag.core.settings import SettingsError
 from stereolag.io.disparities import kitti_png
 from stereolag.sequences import SequenceSettings, SequenceState, Steadiness, StereoSequence, open_sequence, run_sequence
 from stereolag.sequences.frames import FrameTask, encoded_frame, match_frame
 from stereolag.sequences.motion import motion_since, steadied
-from stereolag.stereo.matcher import DisparityMap, Reason
 
-Grey = npt.NDArray[np.uint8]
 ROWS, COLS, FRAMES = 96, 160, 6
 BEHIND, BEFORE = 4, 11
 """Disparities of the wall and of the square in front of it, px."""
@@ -38,7 +31,7 @@ METHODS = {
 }
 
 
-def scene(number: int, *, step: int) -> tuple[Grey, Grey, FloatMap]:
+def scene(number: int, *, step: int) -> tuple[EightBit, EightBit, FloatMap]:
     """Return a wall and a square that moves by `step` px per frame, with camera noise, and the disparity."""
     wall, square = (texture(ROWS, COLS + 32, seed=seed, blur=1.5) for seed in (0, 1))
     start, random = 30 + step * number, np.random.default_rng(100 + number)
@@ -57,11 +50,10 @@ def drive(folder: Path, *, step: int, count: int = FRAMES) -> StereoSequence:
 
 
 def mean_of(out: Path, column: str, method: str) -> float:
-    rows = csv.DictReader(io.StringIO((out / "frames.csv").read_text()))
-    return float(np.mean([float(row[column]) for row in rows if row["method"] == method and row[column]]))
+    return float(np.mean([float(row[column]) for row in rows_of(out) if row["method"] == method and row[column]]))
 
 
-def made(disparity: FloatMap, reason: Reason | npt.NDArray[np.uint8] = Reason.MEASURED) -> DisparityMap:
+def made(disparity: FloatMap, reason: Reason | EightBit = Reason.MEASURED) -> DisparityMap:
     reasons = np.broadcast_to(np.asarray(reason, np.uint8), disparity.shape).copy()
     return DisparityMap(disparity.copy(), reasons, None, None, 0.0, METHODS["bm"])
 

@@ -1,7 +1,5 @@
 """`signal_lag`: known delays, real recordings, long ones in blocks and bands; the loops behind it; refusals."""
 
-from __future__ import annotations
-
 import dataclasses
 import tracemalloc
 from collections.abc import Callable
@@ -87,10 +85,7 @@ def test_of_a_periodic_pair_the_smallest_lag_wins_and_the_ties_are_counted(metho
     seed=st.integers(0, 2**32 - 1),
     method=st.sampled_from(METHODS),
 )
-@settings(max_examples=40)
-def test_any_lag_is_recovered_and_swapping_only_turns_its_sign(
-    size: int, share: float, seed: int, method: SignalMethod
-) -> None:
+def test_any_lag_is_recovered_and_swapping_only_turns_its_sign(size, share, seed, method):
     lag = round(size * share)
     recordings = pair(size, lag, seed)
     given = {"sampling_rate": 1000.0, "speed": 340.0, "method": method, "seed": seed}
@@ -361,14 +356,11 @@ def test_of_equal_peaks_the_smallest_lag_wins(values: list[float], first_lag: in
     assert (lags[index], ties) == expected
 
 
-def test_the_main_lobe_goes_down_to_half_the_peak_and_on_to_the_next_minimum() -> None:
+def test_the_main_lobe_ends_at_the_minimum_beyond_half_the_peak_and_without_rivals_no_ratio_is_finite() -> None:
     curve = np.array([0.3, 0.1, 0.2, 0.7, 0.6, 0.8, 1.0, 0.7, 0.75, 0.4, 0.3, 0.35, 0.2])
     assert peaks.main_lobe(curve, 6) == (1, 11)
     assert peaks.peak_ratio(curve, 6) == pytest.approx(1.0 / 0.35)
     assert peaks.main_lobe(curve, 0) == (0, 2)
-
-
-def test_a_peak_without_rivals_has_no_finite_ratio() -> None:
     assert peaks.interpolate_peak(np.array([0.7]), 0)[0] == 0.0  # nor a fraction
     assert peaks.peak_ratio(np.array([-0.2, -0.3, 1.0, -0.4, -0.1]), 2) == float("inf")
     assert np.isnan(peaks.peak_ratio(np.array([0.5, 1.0, 0.5]), 1))

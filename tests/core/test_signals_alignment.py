@@ -1,7 +1,5 @@
 """Recording 2 on the clock of recording 1: measured again, no lag is left at any time."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -9,15 +7,14 @@ import pytest
 import stereolag as sl
 from benchmarks.verdict import drifting, tones
 from stereolag import samples
+from stereolag.core.arrays import Vector
 from stereolag.signals import alignment
 from stereolag.signals.alignment import mix
-
-Signal = npt.NDArray[np.float64]
 
 SIZE = 60_000
 
 
-def left(first: Signal, aligned: npt.ArrayLike, begin: int = 0) -> list[float]:
+def left(first: Vector, aligned: npt.ArrayLike, begin: int = 0) -> list[float]:
     """Return the lag that is left at the beginning, in the middle and at the end of the samples from `begin` on."""
     second, part = np.asarray(aligned), min(8_000, (first.size - begin) // 3)
     starts = begin, (begin + first.size - part) // 2, first.size - part
@@ -26,7 +23,7 @@ def left(first: Signal, aligned: npt.ArrayLike, begin: int = 0) -> list[float]:
     return [one.lag_subsample for one in found]
 
 
-def dropped(signal: Signal, place: int, count: int) -> Signal:
+def dropped(signal: Vector, place: int, count: int) -> Vector:
     return np.delete(signal, slice(place, place + count))
 
 

@@ -1,22 +1,18 @@
 """Recordings to slide, to disturb and to turn by hand: the texts beside them hold, and correlation agrees."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.lib.stride_tricks import sliding_window_view
 
-from stereolag import samples, signal_lag
-from stereolag.io.recordings import read_signal
+from stereolag import read_signal, samples, signal_lag
 from stereolag.signals import by_hand, phasors
 from stereolag.signals.by_hand import Disturbances, disturbed
 from stereolag.signals.phasors import LAG, LENGTH, LONGEST_LAG, SIZE
 
 
 def example(name: str) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return the recordings of an example, and their lag."""
     one = samples.recordings()[name]
     first, second = (read_signal(path).channels[0] for path in (one.signal_1, one.signal_2))
     return first, second, one.lag
@@ -35,7 +31,6 @@ def scores(slide: by_hand.Slide) -> np.ndarray:
 
 
 def lags(slide: by_hand.Slide, heights: np.ndarray) -> list[int]:
-    """Return the lags with the largest height."""
     return [slide.lag + slide.step * int(place) for place in np.flatnonzero(heights > heights.max() - 1e-6)]
 
 
@@ -61,9 +56,7 @@ def test_an_excerpt_stands_out_at_the_lag_of_the_whole_recordings(name: str) -> 
     st.floats(-1, 1),
     st.integers(0, 2**32 - 1),
 )
-def test_an_excerpt_is_cut_from_both_recordings_wherever_they_overlap(
-    size_1: int, size_2: int, share: float, seed: int
-) -> None:
+def test_an_excerpt_is_cut_from_both_recordings_wherever_they_overlap(size_1, size_2, share, seed):
     lag = round(share * (size_2 if share > 0 else size_1))
     sound = np.random.default_rng(seed).normal(size=size_1 + size_2 + abs(lag))
     first, second = sound[max(lag, 0) :][:size_1], sound[max(-lag, 0) :][:size_2]
@@ -88,12 +81,9 @@ def test_flat_and_short_recordings_have_no_excerpt() -> None:
     assert by_hand.excerpt(np.arange(200.0), np.arange(200.0), 0) is None
 
 
-def test_a_tone_fits_at_every_period() -> None:
+def test_a_tone_fits_at_every_period_and_noise_comes_nowhere_near_a_match() -> None:
     slide = by_hand.tone()
     assert lags(slide, sums(slide)) == list(range(-80, 101, 20))
-
-
-def test_noise_comes_nowhere_near_a_match() -> None:
     slide = by_hand.noise()
     assert sums(slide).max() < 0.5 * slide.cut @ slide.cut
     assert scores(slide).max() == pytest.approx(0.45, abs=0.005)  # the value in the text beside it

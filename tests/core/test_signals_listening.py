@@ -1,20 +1,18 @@
 """The lag of two channels while they are heard: found, followed when the source moves, and silence is no lag."""
 
-from __future__ import annotations
-
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy import ndimage
 
 from benchmarks.verdict import drifting
+from stereolag.core.arrays import Array
 from stereolag.signals.listening import Listening
 
 RATE = 16_000
 PIECE = RATE // 5
 
 
-def heard(lags: npt.NDArray[np.int_], *, noise: float = 0.3, seed: int = 1) -> npt.NDArray[np.int16]:
+def heard(lags: Array, *, noise: float = 0.3, seed: int = 1) -> Array:
     """Return (2, N) samples of one sound, in channel 2 later by the lag of each sample, in noise of each channel."""
     random = np.random.default_rng(seed)
     sound = random.standard_normal(lags.size + 200)

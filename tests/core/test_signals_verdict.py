@@ -1,7 +1,5 @@
 """The verdict on a lag: never sure for noise, sure for sounds in noise, ambiguous for tones; the lag over time."""
 
-from __future__ import annotations
-
 from typing import get_args
 
 import numpy as np
@@ -13,8 +11,7 @@ from hypothesis import strategies as st
 
 from benchmarks.recordings import trial
 from benchmarks.verdict import UNRELATED, coloured, common, drifting, tones, unrelated
-from stereolag import samples
-from stereolag.io.recordings import read_signal
+from stereolag import read_signal, samples
 from stereolag.signals import SignalLag, SignalMethod, over_time, signal_lag
 from stereolag.signals.correlation import overlap_length
 from stereolag.signals.drift import median_line
@@ -79,9 +76,7 @@ def test_a_hum_in_both_does_not_move_the_lag(seed: int) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(("frequency", "noise_level"), [(0.01, 1.0), (0.1234, 0.1), (0.4, 0.0)])
-def test_a_tone_is_ambiguous_and_its_period_is_named(
-    method: SignalMethod, noise_level: float, frequency: float
-) -> None:
+def test_a_tone_is_ambiguous_and_its_period_is_named(method, noise_level, frequency):
     result = signal_lag(*tones(6000, frequency, noise_level, 2), method=method, seed=0)
     assert (result.verdict, reason(result)) == ("ambiguous", "repeats")
     # Teeth are at whole samples: with a period of 2.5, only every other one is.
@@ -273,10 +268,7 @@ def test_a_result_lets_go_of_the_recordings_once_it_is_judged() -> None:
 
 
 POINTS = st.lists(
-    st.tuples(st.integers(-1_000, 1_000), st.integers(-(10**6), 10**6)),
-    min_size=3,
-    max_size=30,
-    unique=True,
+    st.tuples(st.integers(-1_000, 1_000), st.integers(-(10**6), 10**6)), min_size=3, max_size=30, unique=True
 )
 
 

@@ -1,7 +1,5 @@
 """Snapshots: a changed, a missing and an unused one fail."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

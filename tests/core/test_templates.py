@@ -1,23 +1,20 @@
 """Template search: known places, independent oracles, several matches, exact pixels, and the formulas behind it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sprites import SPRITE_PLACE, sprite_scene
 
+from stereolag.core.arrays import Array, DoubleMap, Mask
 from stereolag.core.inputs import FLAT_WHOLE
 from stereolag.templates import TemplateMatch, TemplateMethod, TemplateSearch, match_template
 from stereolag.templates.places import Places, peaks
 from stereolag.templates.score_maps import pearson, score_windows, scores_at
 
-Array = npt.NDArray[Any]
 EVERY_PLACEMENT: tuple[TemplateMethod, ...] = ("fft", "direct")
 EVERY_METHOD: tuple[TemplateMethod, ...] = ("fft", "direct", "sampled")
 
@@ -29,7 +26,7 @@ def random_image(shape: tuple[int, ...], dtype: type = np.uint8, seed: int = 0) 
     return random.integers(0, np.iinfo(dtype).max, shape, dtype=dtype, endpoint=True)
 
 
-def round_mask(height: int, width: int) -> npt.NDArray[np.bool_]:
+def round_mask(height: int, width: int) -> Mask:
     rows, cols = np.mgrid[:height, :width]
     return np.asarray(((rows + 0.5) / height - 0.5) ** 2 + ((cols + 0.5) / width - 0.5) ** 2 < 0.25)
 
@@ -40,9 +37,7 @@ def place(search: TemplateSearch) -> tuple[int, int]:
 
 @pytest.mark.parametrize("method", EVERY_METHOD)
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
-def test_a_copy_is_found_at_its_place_with_progress_from_0_to_1_and_the_arguments_left_alone(
-    method: TemplateMethod, dtype: type
-) -> None:
+def test_a_copy_is_found_at_its_place_with_progress_from_0_to_1_and_the_arguments_left_alone(method, dtype):
     image = random_image((40, 60, 3), dtype)
     template = image[29:40, 46:60].copy()
     image.setflags(write=False)
@@ -58,7 +53,7 @@ def test_a_copy_is_found_at_its_place_with_progress_from_0_to_1_and_the_argument
 
 
 @st.composite
-def searches(draw: st.DrawFn) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+def searches(draw: st.DrawFn) -> tuple[Array, Array, Mask]:
     """Draw an image with constant regions, perhaps in one constant channel or far from 0, a template and a mask."""
     random = np.random.default_rng(draw(st.integers(0, 2**32)))
     dtype = draw(st.sampled_from([np.uint8, np.uint16, np.float32, np.float64]))
@@ -82,23 +77,18 @@ def searches(draw: st.DrawFn) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
     return image, template, mask
 
 
-def brute_force(image: Array, template: Array, mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
+def brute_force(image: Array, template: Array, mask: Mask) -> DoubleMap:
     """Return Pearson's coefficient at every placement, computed straight from its definition."""
-    image, template = np.atleast_3d(image).astype(np.float64), np.atleast_3d(template)[mask].astype(np.float64)
-    height, width = mask.shape
-    pattern = template - template.mean(axis=0)
-    scores = np.full((image.shape[0] - height + 1, image.shape[1] - width + 1), np.nan)
-    for row, col in np.ndindex(*scores.shape):
-        window = image[row : row + height, col : col + width][mask]
-        if np.ptp(window, axis=0).any():
-            window = window - window.mean(axis=0)
-            scores[row, col] = (window * pattern).sum() / np.sqrt((window**2).sum() * (pattern**2).sum())
-    return scores
+    windows = np.lib.stride_tricks.sliding_window_view(np.atleast_3d(image), mask.shape, axis=(0, 1))[..., mask]
+    pattern, flat = np.atleast_3d(template)[mask].T.astype(np.float64), (np.ptp(windows, axis=-1) == 0).all(axis=-1)
+    windows, pattern = (one - one.mean(axis=-1, keepdims=True, dtype=np.float64) for one in (windows, pattern))
+    energies = (windows**2).sum(axis=(-2, -1)) * (pattern**2).sum()
+    return np.where(flat, np.nan, (windows * pattern).sum(axis=(-2, -1)) / np.sqrt(np.where(flat, 1, energies)))
 
 
 @given(searches())
 @settings(max_examples=30)
-def test_the_map_is_the_definition_at_every_placement(search: tuple[Array, Array, npt.NDArray[np.bool_]]) -> None:
+def test_the_map_is_the_definition_at_every_placement(search: tuple[Array, Array, Mask]) -> None:
     image, template, mask = search
     expected = brute_force(image, template, mask)
     for method in EVERY_PLACEMENT:
@@ -207,9 +197,7 @@ def test_bad_arguments_are_named(arguments: dict[str, Any], message: str) -> Non
     st.integers(0, 12),
     st.integers(0, 12),
 )
-def test_scores_of_windows_by_running_sums_equal_the_formula(
-    seed: int, channels: int, height: int, width: int, down: int, across: int
-) -> None:
+def test_scores_of_windows_by_running_sums_equal_the_formula(seed, channels, height, width, down, across):
     random, shape = np.random.default_rng(seed), (channels, height + down, width + across)
     planes = random.integers(-255, 256, shape).astype(np.float64)
     planes[:, : height + 2, : width + 2] = 77  # flat windows
@@ -267,9 +255,7 @@ def overlap(one: TemplateMatch, other: TemplateMatch) -> float:
 @given(
     st.integers(0, 2**32), st.integers(2, 9), st.integers(2, 9), st.integers(1, 40), st.sampled_from([-1.0, 0.0, 0.3])
 )
-def test_matches_are_sorted_peaks_that_overlap_by_half_at_most(
-    seed: int, height: int, width: int, max_matches: int, min_score: float
-) -> None:
+def test_matches_are_sorted_peaks_that_overlap_by_half_at_most(seed, height, width, max_matches, min_score):
     random = np.random.default_rng(seed)
     image = random.integers(0, 4, (40, 50), dtype=np.uint8)
     template = image[20 : 20 + height, 30 : 30 + width].copy()
@@ -296,9 +282,7 @@ def test_matches_are_sorted_peaks_that_overlap_by_half_at_most(
         ([0, 0, 9], [0, 1, 0], [0.9, 0.9, 0.9], (4, 4), [0, 2]),
     ],
 )
-def test_copies_that_overlap_by_exactly_half_are_kept_and_of_equal_scores_the_first(
-    rows: list[int], cols: list[int], scores: list[float], shape: tuple[int, int], kept: list[int]
-) -> None:
+def test_copies_that_overlap_by_exactly_half_are_kept_and_of_equal_scores_the_first(rows, cols, scores, shape, kept):
     assert Places(np.array(rows), np.array(cols), np.array(scores), shape).best(9, share=0.5) == kept
 
 
@@ -311,31 +295,12 @@ def test_the_slope_of_a_peak_is_no_peak_and_a_map_without_scores_has_none() -> N
     assert peaks(np.full((3, 4), np.nan, dtype=np.float32), (5, 6)).rows.size == 0
 
 
-@settings(max_examples=40)
 @given(st.integers(0, 2**32), st.integers(0, 2**32))
 def test_a_sprite_is_found_whatever_the_seed(picture_seed: int, seed: int) -> None:
     search = match_template(*sprite_scene(picture_seed), method="sampled", seed=seed)
     assert [(match.row, match.col) for match in search.matches] == [SPRITE_PLACE]
     assert search.matches[0].score == pytest.approx(1)
     assert search.score_map is None
-
-
-def test_few_places_are_scored_and_counted_and_the_same_seed_scores_the_same() -> None:
-    image, sprite = sprite_scene(0)
-    searches = [match_template(image, sprite, method="sampled", seed=3) for _ in range(2)]
-    assert 9 <= searches[0].candidates < 76 * 104 / 10
-    assert searches[0].candidates == searches[1].candidates
-    assert searches[0].matches == searches[1].matches
-
-
-def test_scores_are_those_of_the_full_search() -> None:
-    image, sprite = sprite_scene(2)
-    image[30:33, 45:49] = 0
-    every = match_template(image, sprite, method="fft")
-    exact = match_template(image, sprite, method="sampled", seed=0)
-    assert place(exact) == place(every) == SPRITE_PLACE
-    assert exact.matches[0].score == pytest.approx(every.matches[0].score, abs=1e-6)
-    assert exact.matches[0].score < 0.99
 
 
 def test_a_partly_covered_sprite_is_found_by_another_anchor() -> None:
@@ -364,15 +329,12 @@ def test_a_copy_of_another_brightness_is_a_rival_of_an_exact_one_unless_its_cont
     assert (search.best.row, search.best.col) == (40, 70)
 
 
-def test_pixels_that_are_not_exact_are_honestly_not_found() -> None:
+def test_pixels_that_are_not_exact_are_honestly_not_found_and_dark_ones_among_bright_integers_are() -> None:
     image, sprite = sprite_scene(6)
     sprite[:, :, :3] ^= 1
     assert match_template(image, sprite, method="fft").found
     search = match_template(image // 2 * 2, sprite | 1, method="sampled")
     assert (search.found, search.candidates) == (False, 0)
-
-
-def test_a_dark_template_of_bright_integers_is_found() -> None:
     image, sprite = (one.astype(np.int32) for one in sprite_scene(7))
     image[0, 0] = 300
     assert match_template(image, sprite, method="sampled").matches[0].row == 23

@@ -1,17 +1,15 @@
 """A template search to do by hand: reduced, narrowed as one would by looking, and packed without loss."""
 
-from __future__ import annotations
-
 import io
 from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 import PIL.Image
 import pytest
 from sprites import SPRITE_PLACE, sprite_scene
 
+from stereolag.core.arrays import Array
 from stereolag.figures.templates import relief
 from stereolag.templates import match_template
 from stereolag.templates.by_hand import (
@@ -26,12 +24,10 @@ from stereolag.templates.by_hand import (
 from stereolag.ui.components import SCORE_STEPS, packed_score_map, packed_search
 from tests.packed import unpacked
 
-Pixels = npt.NDArray[Any]
-
 PLACE = (97, 290)
 
 
-def scene(rows: int = 600, cols: int = 900, *, dtype: Any = np.uint8) -> tuple[Pixels, Pixels]:
+def scene(rows: int = 600, cols: int = 900, *, dtype: Any = np.uint8) -> tuple[Array, Array]:
     """Return a smooth picture of noise, and 48 × 60 pixels of it as an RGBA template with clear corners."""
     noise = np.random.default_rng(1).normal(size=(rows, cols, 3))
     smooth = cv2.GaussianBlur(noise, (0, 0), 3)
@@ -119,7 +115,7 @@ def test_grey_beside_colour_is_compared_by_luminance() -> None:
 # Packed
 
 
-def decoded(part: bytes) -> npt.NDArray[np.int64]:
+def decoded(part: bytes) -> Array:
     return np.asarray(PIL.Image.open(io.BytesIO(part))).astype(int)
 
 
@@ -174,7 +170,7 @@ def test_a_wide_score_map_travels_in_blocks() -> None:
 # By anchors
 
 
-def by_looking(image: Pixels, sprite: Pixels, anchor: Anchor) -> tuple[set[Any], set[Any], set[Any]]:
+def by_looking(image: Array, sprite: Array, anchor: Anchor) -> tuple[set[Any], set[Any], set[Any]]:
     """Return the positions left by every stage, each position tried in turn."""
     height, width = sprite.shape[:2]
     places = [(row, col) for row in range(image.shape[0] - height + 1) for col in range(image.shape[1] - width + 1)]
@@ -211,15 +207,12 @@ def test_each_stage_keeps_the_places_that_one_finds_by_looking() -> None:
         anchors(image.astype(np.uint16), sprite, None)
 
 
-def test_many_dots_are_thinned_and_too_many_places_not_scored() -> None:
+def test_many_dots_are_thinned_many_places_not_scored_and_of_many_colours_rare_and_common_ones_are_offered() -> None:
     image = np.random.default_rng(0).integers(0, 3, (400, 500), dtype=np.uint8)
     for anchor in anchors(image, image[100:220, 200:330], None):
         assert anchor.counts[1] > 20_000
         assert MAX_DOTS / 2 < len(anchor.dots[0]) <= MAX_DOTS
         assert anchor.best is None
-
-
-def test_a_template_of_many_colours_offers_rare_and_common_ones() -> None:
     image = (np.random.default_rng(0).normal(128, 25, (200, 300)).clip(0, 255)).astype(np.uint8)
     counts = [anchor.counts[1] for anchor in anchors(image, image[40:90, 60:130], None)]
     assert len(counts) == MAX_ANCHORS

@@ -1,23 +1,20 @@
 """What a place shows beside the template: it, in another light, covered, drawn over, a sibling, or something else."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import product
 from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from stereolag import TemplateMatch, TemplateSearch, match_template, read_image
+from stereolag.core.arrays import Array
 from stereolag.samples import stereo_pairs
 from stereolag.templates.identity import Identity, identity
 from stereolag.templates.patterns import pattern_of
 from stereolag.templates.verdict import FOUND
 
-Array = npt.NDArray[Any]
 FINER = 8
 SIDE = 32
 BLUE, GROUND = (0, 95, 184), (243, 243, 243)
@@ -100,9 +97,7 @@ def test_a_small_sibling_in_a_reduced_screen_in_jpeg_is_not_found() -> None:
 
 
 @pytest.mark.parametrize(("mark", "shift", "sibling"), [("dot", (0.75, 0.5), "minus"), ("bars", (0.5, 0.75), "minus")])
-def test_a_mark_that_is_drawn_a_little_off_in_its_frame_is_found_and_its_sibling_is_not(
-    mark: str, shift: tuple[float, float], sibling: str
-) -> None:
+def test_a_mark_that_is_drawn_a_little_off_in_its_frame_is_found_and_its_sibling_is_not(mark, shift, sibling):
     def framed(mark: str, shift: tuple[float, float] = (0, 0)) -> Array:
         return np.asarray(cv2.rectangle(icon(mark, shift=shift, rounded=False), (3, 3), (28, 28), BLUE, 1))
 
@@ -220,9 +215,7 @@ def choice(other: bool) -> Array:
 
 @pytest.mark.parametrize("drawn", [faint_word, bars_of_a_code, round_spot, battery, choice])
 @pytest.mark.parametrize("other", [False, True])
-def test_what_differs_in_a_faint_part_or_in_a_mark_of_the_same_ink_is_a_sibling(
-    drawn: Callable[[bool], Array], other: bool
-) -> None:
+def test_what_differs_in_a_faint_part_or_in_a_mark_of_the_same_ink_is_a_sibling(drawn, other):
     template, seen = drawn(other), drawn(not other)
     assert shown(seen, template, 0, 0).kind not in FOUND
     assert shown(template, template, 0, 0).kind == "same"
@@ -373,9 +366,7 @@ CHANGES: dict[str, Callable[[Array], Array]] = {
         (icon("bars", (200, 40, 40)), icon("bars"), "other_colours"),
     ],
 )
-def test_a_verdict_holds_in_other_numbers_at_other_sizes_and_places(
-    seen: Array, sought: Array, reason: str, change: str
-) -> None:
+def test_a_verdict_holds_in_other_numbers_at_other_sizes_and_places(seen, sought, reason, change):
     if reason == "other_colours" and change == "grey":
         return
     search = match_template(CHANGES[change](screen(seen)), CHANGES[change](sought))
@@ -422,7 +413,7 @@ def selection(part: Array, random: np.random.Generator) -> None:
 
 
 def shadow(part: Array, random: np.random.Generator) -> None:
-    away: npt.NDArray[np.floating] = np.zeros(part.shape[:2], np.float32)
+    away: Array = np.zeros(part.shape[:2], np.float32)
     away[9:41, 8:106] = random.uniform(0.3, 0.5)
     away = np.asarray(cv2.GaussianBlur(away, (0, 0), float(random.uniform(2, 4))), np.float32)
     away[7:38, 7:104] = 0

@@ -1,29 +1,23 @@
 """Templates of which not all counts or shows: soft alpha, blurred masks, shapes of one colour, pixels without data."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import cv2
 import numpy as np
-import numpy.typing as npt
 import pytest
 from PIL import Image as PillowImage
 from skimage.data import chelsea, coffee
 
 from stereolag import match_template
+from stereolag.core.arrays import Array
 from stereolag.core.jobs import silent
 from stereolag.core.searches import TemplateMethod
 from stereolag.templates.hidden_parts import hidden_places
 from stereolag.templates.patterns import opacity, pattern_of, weights_of
 from stereolag.templates.score_maps import scores_at
 
-Array = npt.NDArray[Any]
 METHODS: tuple[TemplateMethod, ...] = ("fft", "direct")
 
 
 def photograph(seed: int, rows: int = 200, cols: int = 260) -> Array:
-    """Return a part of a photograph."""
     random = np.random.default_rng(seed)
     whole = (chelsea, coffee)[seed % 2]()
     top, left = (random.integers(0, length - side) for length, side in zip(whole.shape, (rows, cols), strict=False))
@@ -115,9 +109,7 @@ def test_a_shape_in_another_colour_is_not_the_template_and_half_transparent_it_i
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("mark", [np.nan, -32768, 1e6, -np.finfo(np.float32).max])
 @pytest.mark.parametrize("masked", [False, True])
-def test_pixels_without_data_hide_only_the_windows_that_hold_them(
-    method: TemplateMethod, mark: float, masked: bool
-) -> None:
+def test_pixels_without_data_hide_only_the_windows_that_hold_them(method, mark, masked):
     image = photograph(0, 60, 80)[:, :, 0].astype(np.float32) / 255
     template = image[20:32, 50:65].copy()
     image[5:9, :20] = mark

@@ -1,7 +1,5 @@
 """Templates that are smaller, larger or rotated in the image: size, angle and place are recovered."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from contextlib import suppress
@@ -10,20 +8,18 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image, ImageDraw, ImageFont
 
 from benchmarks.searches import drawn
+from stereolag.core.arrays import Array, EightBit
 from stereolag.core.searches import TemplateQuery
 from stereolag.core.settings import Bounds
 from stereolag.templates import estimate_search, match_template
 from stereolag.templates.patterns import pattern_of, warped, warped_shape
 from stereolag.templates.poses import ROTATION_STEP, SCALE_STEP, PoseRange
-
-Array = npt.NDArray[Any]
 
 
 def blobs(shape: tuple[int, ...], seed: int = 0) -> Array:
@@ -133,12 +129,7 @@ def test_a_constant_image_holds_no_size_of_it() -> None:
     assert (search.found, search.matches, search.best) == (False, [], None)
 
 
-@given(
-    st.floats(0.1, 3),
-    st.floats(1, 3),
-    st.floats(-180, 170),
-    st.floats(0, 10),
-)
+@given(st.floats(0.1, 3), st.floats(1, 3), st.floats(-180, 170), st.floats(0, 10))
 def test_the_grid_holds_both_ends_and_no_larger_steps(low: float, ratio: float, first: float, reach: float) -> None:
     grid = PoseRange((low, low * ratio), (first, first + reach)).grid((30, 30))
     scales, rotations = (sorted({round(pose[axis], 9) for pose in grid}) for axis in (0, 1))
@@ -232,7 +223,7 @@ def test_more_sizes_and_angles_take_longer() -> None:
 WORDS = ("Account", "Discount", "Connect", "Refresh", "Sensor", "Invoice", "103.07")
 
 
-def words(size: float, named: Sequence[str] = WORDS) -> npt.NDArray[np.uint8]:
+def words(size: float, named: Sequence[str] = WORDS) -> EightBit:
     """Return words below one another at so much of their size, with what a font rounds at each size."""
     picture = Image.new("RGB", (round(220 * size), round(30 * size * len(named) + 20)), (252, 252, 252))
     for number, word in enumerate(named):
@@ -259,9 +250,7 @@ LISTED = ("Madrid", "Tokyo", "Oslo", "Engine", "Brake", "Voltage", "Current", "P
 @pytest.mark.parametrize(
     ("named", "word", "size"), [(LISTED, "Current", 1.1), (WORDS, "Account", 1.25), (WORDS, "103.07", 1.33)]
 )
-def test_a_word_drawn_anew_is_found_though_its_letters_move_and_others_score_higher(
-    named: Sequence[str], word: str, size: float
-) -> None:
+def test_a_word_drawn_anew_is_found_though_its_letters_move_and_others_score_higher(named, word, size):
     number = named.index(word)
     template = words(1.0, named)[row_of(number), 26 : 80 if word == "103.07" else 100]
     search = match_template(words(size, named), template, scales=(0.9, 1.6))

@@ -1,34 +1,22 @@
 """Which place is the template: leads over rivals and variants, and what survives damage, by OpenCV too."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from stereolag import samples
+from stereolag import read_image, samples
+from stereolag.core.arrays import Array
 from stereolag.core.inputs import Image
-from stereolag.io.images import read_image
 from stereolag.templates import TemplateMethod, match_template
 from stereolag.templates.places import Places
-from stereolag.templates.trials import (
-    Degradation,
-    DegradedPart,
-    degraded_part,
-    is_masked,
-    opencv_search,
-    try_methods,
-)
+from stereolag.templates.trials import Degradation, DegradedPart, degraded_part, is_masked, opencv_search, try_methods
 from stereolag.templates.verdict import leads
 
-Array = npt.NDArray[Any]
 EXAMPLE = samples.mazes()["maze"]
 MAZE, ROCKETMAN = read_image(EXAMPLE.picture), read_image(EXAMPLE.template)
 METHODS: tuple[TemplateMethod, ...] = ("fft", "sampled")
@@ -82,7 +70,6 @@ def test_a_lead_is_clear_where_the_rival_differs_clearly_more(best: float, rival
     assert leads(best, rival) == clear
 
 
-@settings(max_examples=40)
 @given(st.integers(0, 2**32), st.integers(1, 12), st.integers(1, 12))
 def test_places_elsewhere_share_no_pixel_and_none_better_is_left_out(seed: int, height: int, width: int) -> None:
     random = np.random.default_rng(seed)
@@ -215,9 +202,7 @@ def test_another_light_is_the_same_colours_and_grey_is_not(seen: str, reason: st
         ("boofcv_desktop", "template_browser.png", ("fft",), "low_score", (71, 261)),
     ],
 )
-def test_real_pictures(
-    data_dir: Path, folder: str, name: str, methods: tuple[TemplateMethod, ...], reason: str, place: tuple[int, int]
-) -> None:
+def test_real_pictures(data_dir, folder, name, methods, reason, place):
     path = data_dir / "template" / folder / name
     scene, template = read_image(path.with_stem("scene")), read_image(path)
     for method in methods:
@@ -254,15 +239,12 @@ def test_both_give_the_same_scores(mask: Image | None, dtype: str, grey: bool) -
     np.testing.assert_allclose(theirs.score_map, ours.score_map, atol=1e-4)
 
 
-def test_alpha_is_the_mask() -> None:
+def test_alpha_is_the_mask_and_flat_windows_under_it_are_counted_and_passed_over() -> None:
     template = np.dstack([SCENE[30:50, 40:64], MASK * 255])
     by_alpha, by_mask = opencv_search(SCENE, template), opencv_search(SCENE, SCENE[30:50, 40:64], mask=MASK)
     np.testing.assert_array_equal(by_alpha.score_map, by_mask.score_map)
     assert is_masked(template, None)
     assert not is_masked(SCENE, None)
-
-
-def test_under_a_mask_flat_windows_are_counted_and_passed_over() -> None:
     image = SCENE.copy()
     image[60:] = 90
     result = opencv_search(image, image[30:50, 40:64], mask=MASK)
@@ -306,14 +288,7 @@ def test_what_becomes_of_rocketman(settings: dict[str, float], outcomes: str) ->
     ],
     ids=["at another place", "nothing varies", "of another type"],
 )
-def test_each_method_tells_its_outcome(
-    image: Image,
-    template: Image,
-    mask: Image | None,
-    near: tuple[int, int],
-    outcomes: str,
-    place: tuple[int | None, int | None],
-) -> None:
+def test_each_method_tells_its_outcome(image, template, mask, near, outcomes, place):
     trials = {one.method: one for one in try_methods(image, template, near, mask=mask)}
     found = [trials[name] for name in ("fft", "sampled", "opencv")]
     assert [one.outcome for one in found] == outcomes.split()
@@ -334,7 +309,6 @@ def degraded(image: Image = PHOTOGRAPH, **settings: float) -> DegradedPart:
     return degraded_part(image, (300, 420), SHAPE, Degradation(**settings))
 
 
-@settings(max_examples=40)
 @given(
     row=st.integers(0, 700 - 31), col=st.integers(0, 900 - 40), dtype=st.sampled_from(["uint8", "uint16", "float64"])
 )

@@ -1,7 +1,5 @@
 """Settings judged on pairs, tried in grids, and searched for: what counts, what stays, and when nothing is better."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable
@@ -13,17 +11,13 @@ import pytest
 from pairs import shifted_pair, steps_pair
 
 import stereolag as sl
+from stereolag import CorrelationMatcher, SearchArea, SemiGlobalMatcher, StereoBM, StereoSGBM, evaluate
 from stereolag.assess import judging, suggestion
 from stereolag.core.settings import changed, setting, title_of
-from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.finishing.stages import AmbiguityTest, LeftRightCheck, SpeckleFilter, TextureTest
 from stereolag.stereo.matcher import Reason, StereoMatcher
 from stereolag.stereo.methods import METHODS, preset
-from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.semi_global.cost import MatchingCost
-from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import SearchArea
 
 LEFT, RIGHT, TRUTH = steps_pair()
 NOISE = np.random.default_rng(0).integers(0, 256, (2, 100, 150), dtype=np.uint8)
@@ -112,13 +106,6 @@ def test_the_estimate_orders_settings_as_the_truth_does() -> None:
     ]
     ranks = [np.argsort(np.argsort([pair.judge(one).bad for one in settings])) for pair in (blind(), seeing())]
     assert np.corrcoef(ranks)[0, 1] > 0.9
-
-
-def test_nothing_judges_itself_or_where_little_was_measured() -> None:
-    assert blind().unjudged(BLOCKS) is None
-    assert blind().unjudged(SemiGlobalMatcher()) is judging.Unjudged.JUDGES_ITSELF
-    assert seeing().unjudged(SemiGlobalMatcher()) is None
-    assert judging.TuningPair.of(*NOISE).unjudged(BLOCKS) is judging.Unjudged.TOO_LITTLE_MEASURED
 
 
 def test_strips_are_matched_as_the_whole_is() -> None:

@@ -1,7 +1,5 @@
 """Numbers as readers see them."""
 
-from __future__ import annotations
-
 import pytest
 
 from stereolag.core.typography import MINUS, NO_BREAK, four_digits, typeset

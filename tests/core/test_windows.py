@@ -1,7 +1,5 @@
 """The windows' loops against plain formulas: sums, both engines, peak fits, and the spread over pixels."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -220,16 +218,7 @@ def test_the_cost_model_knows_where_each_engine_pays() -> None:
     flat=st.booleans(),
     sky=st.booleans(),
 )
-def test_both_engines_give_the_same_to_the_bit(
-    seed: int,
-    dtype: type,
-    window_size: int,
-    step: int,
-    lags: tuple[int, int, int, int],
-    score: Score,
-    flat: bool,
-    sky: bool,
-) -> None:
+def test_both_engines_give_the_same_to_the_bit(seed, dtype, window_size, step, lags, score, flat, sky):
     """With ncc, 12 % of a photograph with much sky used to differ: each engine had its own ties and flatness rules."""
     left, right = (image.copy() for image in shifted_pair(36, 52, 1, -3, dtype=dtype, seed=seed))
     if flat:
@@ -305,9 +294,7 @@ def test_the_top_of_an_oblique_gaussian_is_found(dy: float, dx: float, tilt: flo
     circular=st.booleans(),
     refusals=st.booleans(),
 )
-def test_pixels_learn_from_their_window_as_by_the_formula(
-    seed: int, shape: tuple[int, int], window_size: int, step: int, vertical: int, circular: bool, refusals: bool
-) -> None:
+def test_pixels_learn_from_their_window_as_by_the_formula(seed, shape, window_size, step, vertical, circular, refusals):
     rng = np.random.default_rng(seed)
     image = np.zeros(shape, np.uint8)
     asked = LagRange(-vertical, vertical, -6, 2)

@@ -1,7 +1,5 @@
 """The container and the compose file, as far as they run without Docker: each step in a bare folder."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -48,7 +46,6 @@ pwd.getpwuid = {}.__getitem__  # as for a user nobody knows
 
 
 def instructions() -> list[tuple[str, str]]:
-    """Return the instructions of the Dockerfile, each with its arguments."""
     text = re.sub(r"^#.*\n", "", (PROJECT / "Dockerfile").read_text(encoding="utf-8"), flags=re.MULTILINE)
     lines = text.replace("\\\n", "").splitlines()
     return [(word, said.strip()) for word, _, said in (line.partition(" ") for line in lines if line)]
@@ -98,7 +95,6 @@ def surroundings(home: Path, **variables: str) -> dict[str, str]:
 
 
 def step(command: list[str], folder: Path, **variables: str) -> subprocess.CompletedProcess[str]:
-    """Run a command of the Dockerfile in a folder."""
     environment = surroundings(folder, **variables)
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
@@ -153,9 +149,7 @@ def test_it_runs_as_a_user_of_its_own_on_a_python_that_is_supported() -> None:
     assert re.search(r"python:([\d.]+)", base)[1] in SpecifierSet(project["requires-python"])  # type: ignore[index]
 
 
-def test_it_serves_its_page_at_the_one_address_it_prints_passes_its_check_and_asks_nobody(
-    image: Path, tmp_path: Path
-) -> None:
+def test_it_serves_its_page_at_the_one_address_it_prints_passes_its_check_and_asks_nobody(image, tmp_path):
     (tmp_path / "sitecustomize.py").write_text(WATCH)
     port = free_port()
     check = json.loads(said("HEALTHCHECK")[0].partition(" CMD ")[2])

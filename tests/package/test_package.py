@@ -1,7 +1,5 @@
 """The wheel: it contains all files that the library and the app need, and works away from the checkout."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys
@@ -37,7 +35,6 @@ def code() -> str:
 
 @pytest.fixture(scope="session")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Build the wheel and return its path."""
     folder = tmp_path_factory.mktemp("wheel")
     command = [sys.executable, "-m", "pip", "--disable-pip-version-check", "wheel", "--quiet", "--no-deps"]
     run([*command, "--no-build-isolation", "--no-index", "--wheel-dir", folder, PROJECT], folder)

@@ -1,7 +1,5 @@
 """Every imported package is declared once, in pyproject.toml, and pinned in requirements.txt within its range."""
 
-from __future__ import annotations
-
 import ast
 import importlib.metadata
 import sys

@@ -1,7 +1,5 @@
 """Functions of the app's JavaScript modules, called from Python by Node."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
@@ -24,8 +22,6 @@ def node_path() -> str:
 
 
 class Node:
-    """Node with the app's modules."""
-
     def __init__(self) -> None:
         self._process = subprocess.Popen(
             [node_path(), str(EVALUATE)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, encoding="utf-8"

@@ -1,7 +1,5 @@
 """Modules of a component joined into the one string that Streamlit takes."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Formulas that the browser computes while something is moved by hand: they give what the library gives."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -9,15 +7,12 @@ import numpy as np
 import pytest
 from numpy.lib.stride_tricks import sliding_window_view
 
-from stereolag import samples
+from stereolag import CorrelationMatcher, SearchArea, read_signal, samples
 from stereolag.assess.explaining import explain_match
 from stereolag.core.inputs import as_grey
 from stereolag.core.typography import typeset
-from stereolag.io.recordings import read_signal
 from stereolag.pair_sources import example_pair
 from stereolag.signals import by_hand, phasors
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates.by_hand import ReducedSearch, reduced_search
 from stereolag.ui.depth.explaining import browser_settings
 from stereolag.ui.lag.panels import described_phasors
