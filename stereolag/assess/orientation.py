@@ -182,7 +182,8 @@ def best_rectification(points: Correspondences) -> UncalibratedRectification | N
     helps = large_lens or turned_misfit - lens_misfit > MIN_EVIDENCE
     model, errors = (with_lens, lens_errors) if helps else (turned, turned_errors)
     spread = row_spread(errors)
-    worthwhile = large_lens or spread < MAX_RECTIFIED_RATIO * row_spread(residuals)
+    # Things that moved are explained by lenses that nobody makes; strong ones have barrel distortion, as fisheyes do.
+    worthwhile = model.lens < MAX_LENS and (large_lens or spread < MAX_RECTIFIED_RATIO * row_spread(residuals))
     return replace(model, spread_px=spread) if worthwhile else None
 
 

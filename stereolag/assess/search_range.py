@@ -22,6 +22,9 @@ REACH_BEHIND = 0.12
 REACH_IN_FRONT = 0.28
 """Reach of the coarse search in front of infinity, as a share of the width."""
 
+END_PARTS = 16
+"""Part of the search, at either end, in which patches that reach the end are no matches."""
+
 MAX_COARSE_ROW_ERROR_PX = 0.5
 """Row errors up to this size in the coarse images are left uncorrected, px."""
 
@@ -132,7 +135,12 @@ def quick_map(left: Image, right: Image, reach: float = REACH_IN_FRONT) -> Float
         speckle_window_size=60,
         speckle_range=1,
     )
-    return matcher.compute(*framed).disparity[8:-8, count + 8 : count + 8 + width]
+    disparity = matcher.compute(*framed).disparity[8:-8, count + 8 : count + 8 + width]
+    # Bland surroundings are matched at an end of the search, and around it, as disparities change smoothly.
+    distance = np.fmin(disparity - first, first + count - 1 - disparity)
+    _, parts = cv2.connectedComponents((distance < count / END_PARTS).astype(np.uint8), connectivity=4)
+    at_end = np.isin(parts, parts[distance < 2]) & (parts > 0)
+    return np.where(at_end, np.float32(np.nan), disparity)
 
 
 def _nearest_ground(disparity: FloatMap) -> float:

@@ -33,7 +33,7 @@ SENTENCES: Mapping[FindingCode, tuple[str, str]] = {
         "One moving camera may have taken both images: {motion}.",
     ),
     FindingCode.NOT_SAME_MOMENT: (
-        "Nothing moved between the images.",
+        "No camera moved between the images.",
         "The images are not of the same moment: points move away from {epipole}, as from cameras that move, not as "
         "from two that stand side by side.{fitting}",
     ),
@@ -100,8 +100,10 @@ def _words(finding: Finding) -> dict[str, str | float]:
             return {"where": where, "squeezed": f", squeezed to half their {squeezed}" if numbers["half"] else ""}
         case FindingCode.ONE_MOVING_CAMERA | FindingCode.NOT_SAME_MOMENT if not finding.healthy:
             if "turned_deg" in numbers:
-                only = f"by {numbers['turned_deg']:.1f}°"
-                return {"motion": f"all points move as if it had only turned, {only}, which tells nothing of depth"}
+                only = f"all points move as if it had only turned, by {numbers['turned_deg']:.1f}°"
+                return {
+                    "motion": f"{only}, which tells nothing of depth. Turned cameras before a flat scene look alike"
+                }
             epipole = f"one place, {100 * numbers['x']:.0f} % across and {100 * numbers['y']:.0f} % down the image"
             motion = f"points move away from {epipole}, so rows do not match"
             return {"epipole": epipole, "motion": motion, "fitting": _fitting(numbers.get("frames", 0))}

@@ -230,6 +230,13 @@ def test_a_picture_that_repeats_is_searched_over_one_repetition(period: int) -> 
     assert diagnosis.suggested_range == (0, 16 * -(-period // 16))
 
 
+def test_blank_margins_do_not_widen_the_range_to_the_ends_of_the_search() -> None:
+    left, right, disparity = bundled("cube")
+    views = [np.pad(view[30:-30, 30:-30], ((30, 30), (30, 30), (0, 0)), constant_values=255) for view in (left, right)]
+    low, high = diagnose(*views).disparities
+    assert -4 < low < high < np.nanmax(disparity) + 4
+
+
 def test_black_borders_are_told() -> None:
     left, right, _ = bundled("cube")
     right = right.copy()
@@ -408,6 +415,8 @@ def test_a_lens_is_removed_though_most_features_are_far_away_where_it_bends_noth
     seen = [through_barrel(one, (400, 880), -0.3) + rng.normal(0, 0.15, one.shape) for one in views]
     found = best_rectification(matched(*seen, (400, 880)))
     assert found is not None and found.lens == pytest.approx(-0.3, abs=0.05)
+    seen = [through_barrel(one, (400, 880), 1.5) + rng.normal(0, 0.15, one.shape) for one in views]
+    assert best_rectification(matched(*seen, (400, 880))) is None  # no such lens is made
 
 
 @pytest.mark.parametrize("order", [1, -1], ids=["right", "swapped"])
