@@ -209,6 +209,16 @@ def test_a_slow_motion_forwards_is_not_taken_for_rows_that_bend() -> None:
     assert amber(told) == MOVING["left"] and all(finding.remedy is None for finding in told.ill)
 
 
+def test_a_thing_that_moved_up_or_down_is_told_and_the_rest_is_examined_all_the_same() -> None:
+    left, right, _ = bundled("cube")
+    right = right.copy()
+    right[72:132, 160:220] = right[78:138, 160:220].copy()
+    diagnosis = diagnose(left, right)
+    moment = diagnosis.finding(FindingCode.NOT_SAME_MOMENT)
+    assert amber(diagnosis) - amber(healthy()) == {FindingCode.NOT_SAME_MOMENT} and moment.numbers["moved"] >= 25
+    assert diagnosis.suggested_range == healthy().suggested_range
+
+
 def test_pictures_with_nothing_in_common_get_no_remedy_and_no_range() -> None:
     diagnosis = diagnose(bundled("road")[0][:200, :300], bundled("cube")[1][:200, :300])
     assert FindingCode.MATCHES in amber(diagnosis)
