@@ -95,7 +95,7 @@ def coarse_range(left: Image, right: Image, points: Correspondences | None) -> t
     if points is not None:
         coarse[1] = _rows_aligned(coarse[1], points, scale)
         ends.append(disparities_of(points))
-    disparity = quick_map(coarse[0], coarse[1])
+    disparity = quick_map(coarse[0], coarse[1], ends=False)
     measured = disparity[np.isfinite(disparity)]
     share = measured.size / disparity.size
     if share >= (MIN_MEASURED_WITHOUT_FEATURES if points is None else MIN_MEASURED_SHARE):
@@ -119,10 +119,11 @@ def reduced(image: Image, width: int) -> Image:
     return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA))
 
 
-def quick_map(left: Image, right: Image, reach: float = REACH_IN_FRONT) -> FloatMap:
+def quick_map(left: Image, right: Image, reach: float = REACH_IN_FRONT, *, ends: bool = True) -> FloatMap:
     """Return the disparities of small images, up to `reach` of their width, that pass all checks.
 
-    Both are framed, so that the whole width is searched.
+    Both are framed, so that the whole width is searched. Without `ends`, patches that reach an end of the search are
+    left out: bland ones are matched there, and around it, as disparities change smoothly.
     """
     width, first = left.shape[1], -int(REACH_BEHIND * left.shape[1])
     count = 16 * max(1, math.ceil(int((REACH_BEHIND + reach) * width) / 16))
@@ -136,7 +137,8 @@ def quick_map(left: Image, right: Image, reach: float = REACH_IN_FRONT) -> Float
         speckle_range=1,
     )
     disparity = matcher.compute(*framed).disparity[8:-8, count + 8 : count + 8 + width]
-    # Bland surroundings are matched at an end of the search, and around it, as disparities change smoothly.
+    if ends:
+        return disparity
     distance = np.fmin(disparity - first, first + count - 1 - disparity)
     _, parts = cv2.connectedComponents((distance < count / END_PARTS).astype(np.uint8), connectivity=4)
     at_end = np.isin(parts, parts[distance < 2]) & (parts > 0)
