@@ -320,7 +320,9 @@ def assemble_pair(
     if left.dtype != right.dtype:
         sentences.append(ONE_DEPTH)
     if left.shape[:2] != right.shape[:2]:
-        sentences.append(f"The images differ by a few pixels and were cropped to {cols} × {rows}.")
+        shifted = "If one lacks columns on its left, every disparity and every distance is wrong."
+        in_doubt = f" {shifted}" if calibration is not None and left.shape[1] != right.shape[1] else ""
+        sentences.append(f"The images differ by a few pixels and were cropped to {cols} × {rows}.{in_doubt}")
     if truth is not None and truth.shape != left.shape[:2]:
         (height, width), given = truth.shape, left.shape[:2]
         raise ValueError(

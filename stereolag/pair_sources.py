@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, TypeAlias
 
-from stereolag.assess.layout import Layout, in_words, likely_layout, views
+from stereolag.assess.layout import Layout, in_words, likely_layout, views, without_margins
 from stereolag.core.inputs import Image
 from stereolag.io.disparities import read_disparity, read_stored_disparity
 from stereolag.io.ground_truth import truth_in_px
@@ -68,7 +68,7 @@ def likely_views(image: Image, layout: Layout | None = None) -> tuple[Image, Ima
     found = likely_layout(image) if layout is None else (layout, False)
     if found is None:
         raise OneView("The image holds one view, as far as is to be seen: give the other one too, or their layout.")
-    left, right = views(image, found[0], crossed=found[1])
+    left, right = views(without_margins(image, found[0]), found[0], crossed=found[1])
     return left, right, in_words(image, found[0], crossed=found[1])
 
 

@@ -99,9 +99,9 @@ class Diagnosis:
         is omitted with too few matched features, all but ROTATION if one image is on its side or upside down. LAYOUT is
         judged only if another finding is ill, and is always healthy if the geometry is: a wall of bricks would resemble
         two views. Arrangement (MIRRORED to NOT_SAME_MOMENT), geometry and range are omitted for identical pictures;
-        geometry and range also for an arrangement that is ill, and the range if the sides are swapped or it cannot be
-        determined. A remedy is offered only if a small copy of the pair has a plausible map after it, and a better one
-        than before.
+        geometry and range also for an arrangement that is ill, unless only things moved, and the range if the sides are
+        swapped or it cannot be determined. A remedy is offered only if a small copy of the pair has a plausible map
+        after it, and a better one than before.
     disparities
         The range of disparities in the pair as given, px, from a coarse semi-global search over 40 % of the width and
         from the matched features; None if it cannot be determined.
@@ -212,7 +212,7 @@ def diagnose(
     moved = None if points is None else percentiles(np.hypot(points.dx, points.dy), 95).item()
     identical = judge_identical(difference, moved, found.scale)
     arrangement = _judge_arrangement(images, found) if identical.healthy else ()
-    side_by_side = identical.healthy and all(finding.healthy for finding in arrangement)
+    side_by_side = identical.healthy and all(one.healthy or "moved" in one.numbers for one in arrangement)
     geometry = _judge_geometry(images, points) if points is not None and side_by_side else ()
     sides_known = not geometry or any(finding.healthy for finding in geometry if finding.code == FindingCode.SWAPPED)
     has_range = side_by_side and sides_known
@@ -252,11 +252,11 @@ def _judge_arrangement(images: tuple[Image, Image], found: Correspondences) -> t
     angle = pure_rotation_deg(found)
     views = None if angle else find_views(found)
     if views is None:
-        return mirrored, judge(FindingCode.ABOVE_EACH_OTHER, quarters=0), *judge_moments(None, angle)
+        return mirrored, judge(FindingCode.ABOVE_EACH_OTHER, quarters=0), *judge_moments(None, angle, found.moved)
     above = views.above_each_other
     quarters = quarters_upright(views) if above else 0
     stacked = judge(FindingCode.ABOVE_EACH_OTHER, Remedy.TURN_UPRIGHT, quarters=quarters)
-    return mirrored, stacked, *judge_moments(None if above else views.epipole)
+    return mirrored, stacked, *judge_moments(None if above else views.epipole, moved=found.moved)
 
 
 def quarters_upright(views: Views | None) -> int:

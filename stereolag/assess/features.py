@@ -61,6 +61,8 @@ class Correspondences:
         The distinctive matches from which these were selected; None if nearly all of them agree.
     of_any_rows
         For a pair that looks nearly rectified, the matches before selection by their rows; otherwise None.
+    moved
+        For such a pair, the number of distinctive matches on things that moved up or down between its images.
     """
 
     left: Points
@@ -69,6 +71,7 @@ class Correspondences:
     scale: float = 1.0
     candidates: Correspondences | None = None
     of_any_rows: Correspondences | None = None
+    moved: int = 0
 
     @property
     def dx(self) -> Points:

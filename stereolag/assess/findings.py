@@ -97,7 +97,7 @@ class Finding:
         ABOVE_EACH_OTHER, ONE_MOVING_CAMERA, NOT_SAME_MOMENT
                    ``quarters`` of a turn that bring the cameras side by side, counter-clockwise; ``x``, ``y`` of the
                    epipole, if it is near, in widths and heights of the left image; ``turned_deg``: angle of one camera
-                   that only turned
+                   that only turned; ``moved`` features of things that moved up or down, if there are enough
         SWAPPED    ``lowest_px``, ``highest_px``: 2nd and 98th percentile of the disparities of matched features, after
                    an uncalibrated rectification if rows bend; ``known``: 0 if they do not determine the sides
         ROWS       ``offset_px``: median of dy, right minus left, or dy at the centre of a rotated or scaled image;
@@ -178,7 +178,7 @@ def judge_layout(layout: Layout | None) -> Finding:
     return judged(FindingCode.LAYOUT, layout is not None, None, **numbers)
 
 
-def judge_moments(epipole: Epipole | None, turned: float = 0.0) -> tuple[Finding, Finding]:
+def judge_moments(epipole: Epipole | None, turned: float = 0.0, moved: int = 0) -> tuple[Finding, Finding]:
     """Judge whether one moving camera took both images, and whether they are of one moment.
 
     Parameters
@@ -187,13 +187,16 @@ def judge_moments(epipole: Epipole | None, turned: float = 0.0) -> tuple[Finding
         The epipole, if it is in or near the left image.
     turned
         Angle of one camera that only turned, degrees; 0 if it did not.
+    moved
+        Number of features on things that moved up or down.
     """
     position = {} if epipole is None else {"x": epipole.x, "y": epipole.y}
+    things = {"moved": float(moved)} if epipole is None and moved >= MIN_MATCHES else {}
     inside = epipole is not None and epipole.inside
     motion = {"turned_deg": turned} if turned else position
     return (
         judged(FindingCode.ONE_MOVING_CAMERA, inside or turned > 0, None, **motion),
-        judged(FindingCode.NOT_SAME_MOMENT, epipole is not None, None, **position),
+        judged(FindingCode.NOT_SAME_MOMENT, bool(position or things), None, **position, **things),
     )
 
 

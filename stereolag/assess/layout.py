@@ -69,9 +69,41 @@ def views(image: Image, layout: Layout, *, crossed: bool = False) -> tuple[Image
     return two[::-1] if crossed else two
 
 
+def without_margins(image: Image, layout: Layout) -> Image:
+    """Return a picture of two views without a frame around both or a gap between them, which displace one of them.
+
+    These are blank lines that leave views of one size; dark parts of a scene leave different sizes.
+    """
+    across = layout in (Layout.BESIDE, Layout.HALF_BESIDE)
+    beside = image if across else image.swapaxes(0, 1)
+    half = beside.shape[1] // 2
+    halves = [_filled(part, 0) for part in (beside[:, :half], beside[:, -half:])]
+    sizes = [part.stop - part.start for part in halves]
+    if halves[0] == halves[1] or max(sizes) - min(sizes) > MAX_MARGIN_ERROR_PX:
+        return image
+    starts = halves[0].start, beside.shape[1] - half + halves[1].start
+    left, right = (beside[:, start : start + min(sizes)] for start in starts)
+    both = np.concatenate([left, right], axis=1)
+    both = both[_filled(both, 1)]
+    return np.ascontiguousarray(both if across else both.swapaxes(0, 1))
+
+
+def _filled(image: Image, axis: int) -> slice:
+    """Return the lines along an axis of a picture, from the first that is not blank to the last; all if all are."""
+    grey, _ = as_eight_bit(as_grey(image), as_grey(image))
+    filled = np.flatnonzero(np.ptp(grey, axis=axis) > MAX_BLANK_GREYS)
+    return slice(int(filled[0]), int(filled[-1]) + 1) if filled.size else slice(0, grey.shape[1 - axis])
+
+
 class Anaglyph(ValueError):  # noqa: N818
     """Error for a picture whose views are in its colours."""
 
+
+MAX_BLANK_GREYS = 8
+"""Largest difference of grey levels along a blank line; JPEG is not exact."""
+
+MAX_MARGIN_ERROR_PX = 2
+"""Difference of sizes without margins up to which they are one size, px; JPEG blurs the ends."""
 
 LAYOUT_WIDTH_PX = 240
 """Width to which views are reduced to determine the layout, px."""
@@ -121,7 +153,8 @@ def likely_layout(image: Image) -> tuple[Layout, bool] | None:
         A picture whose views are in its colours.
     """
     layouts = (Layout.BESIDE, Layout.OVER_UNDER) if min(image.shape[:2]) > 3 else ()
-    divided = {layout: views(image, layout) for layout in layouts}
+    pictures = {layout: without_margins(image, layout) for layout in layouts}
+    divided = {layout: views(picture, layout) for layout, picture in pictures.items()}
     matched = {
         layout: _matched(left, right)
         for layout, (left, right) in divided.items()
@@ -129,7 +162,7 @@ def likely_layout(image: Image) -> tuple[Layout, bool] | None:
     }
     layout = max(matched, key=lambda one: matched[one][0], default=Layout.BESIDE)
     share, median_disparity = matched.get(layout, (0.0, 0.0))
-    if share < MIN_MATCHED_SHARE or _repeats(image, layout, share):
+    if share < MIN_MATCHED_SHARE or _repeats(pictures[layout], layout, share):
         if image.ndim == 3 and _is_anaglyph(image):
             raise Anaglyph(
                 "The image is an anaglyph: its views are in its colours, for red and cyan glasses, and differ too much "
@@ -194,6 +227,9 @@ def in_words(image: Image, layout: Layout, *, crossed: bool) -> str:
     across = layout in (Layout.BESIDE, Layout.HALF_BESIDE)
     side = image.shape[int(across)]
     said = [f"The image was split {'down the middle' if across else 'into its upper and lower halves'}."]
+    if (seen := without_margins(image, layout).shape[int(across)]) != side:
+        said.append(f"Blank margins are left out: {seen} of {side} px remain.")
+        side = seen
     if side % 2:
         name, line = ("width", "column") if across else ("height", "row")
         said.append(f"Its {name} of {side} px is odd: the middle {line} is left out.")

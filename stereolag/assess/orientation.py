@@ -16,6 +16,7 @@ from stereolag.assess.features import (
     MIN_MATCHES,
     SAME_POINT_PX,
     Correspondences,
+    FeatureMatches,
     Points,
     at_full_size,
     match_features,
@@ -182,7 +183,8 @@ def best_rectification(points: Correspondences) -> UncalibratedRectification | N
     helps = large_lens or turned_misfit - lens_misfit > MIN_EVIDENCE
     model, errors = (with_lens, lens_errors) if helps else (turned, turned_errors)
     spread = row_spread(errors)
-    worthwhile = large_lens or spread < MAX_RECTIFIED_RATIO * row_spread(residuals)
+    # Things that moved are explained by lenses that nobody makes; strong ones have barrel distortion, as fisheyes do.
+    worthwhile = model.lens < MAX_LENS and (large_lens or spread < MAX_RECTIFIED_RATIO * row_spread(residuals))
     return replace(model, spread_px=spread) if worthwhile else None
 
 
@@ -234,6 +236,12 @@ MAX_PLANE_DISTANCE = 0.012
 MAX_PLANE_SLOPE = 0.2
 """Largest slope of a plane, px of dy per px."""
 
+MIN_OFF_ROWS_PX = 3.0
+"""Smallest row error of a match on a thing that moved, px at the size at which features were matched."""
+
+MOVED_NEIGHBOURS = 6
+"""Number of nearest matches most of which are displaced alike if a thing moved; wrong matches are not."""
+
 TOLERANCES_PX = (7.0, 4.0, 2.0, 1.5, 1.5)
 """Largest row error of the matches kept in each round of refitting the model of the views, px."""
 
@@ -261,7 +269,7 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
         if len(even) < MIN_EASY_MATCHES:
             every, even = quick.points, easy
         chosen = _consistent(every, even) if np.std(bend_of(even)[0]) * scale > MAX_EASY_BEND_PX else even
-        return replace(chosen, of_any_rows=every)
+        return replace(chosen, of_any_rows=every, moved=_moved(quick, easy))
     thorough = match_features(views, shape, scale, binary=False)
     distinctive = quick.distinctive().joined(thorough.distinctive())
     every = replace(quick.points.joined(thorough.points), candidates=distinctive)
@@ -282,6 +290,23 @@ def _misfit(model: UncalibratedRectification, points: Correspondences) -> float:
     """Return the cost of a model, with row errors limited to 4 px: some matches are wrong."""
     errors = np.clip(model.row_errors(points) * points.scale, -4, 4)
     return cost_of_errors(errors, 2 * NOISE_PX, model.parameters)
+
+
+def _moved(quick: FeatureMatches, rectified: Correspondences) -> int:
+    """Return the number of distinctive matches that are off the rows of a rectified pair as most near them are."""
+    rows = robust_fit(row_terms(rectified), rectified.dy.astype(np.float64))
+
+    def count(points: Correspondences) -> int:
+        displacements = np.column_stack([points.dx, points.dy])
+        off = np.abs(points.dy - row_terms(points) @ rows) * points.scale > MIN_OFF_ROWS_PX
+        near = nearest_neighbours(points.left, points.left, MOVED_NEIGHBOURS + 1)[:, 1:]
+        differences = np.abs(displacements[near] - displacements[:, None]).max(axis=-1) * points.scale
+        alike = (differences < TOLERANCES_PX[-1]).sum(axis=1) > MOVED_NEIGHBOURS / 2
+        return int(np.count_nonzero(off & alike))
+
+    # Where a pattern repeats, neighbours may all be matched one repetition off; to find that takes longer.
+    found = count(quick.points)
+    return found if found < MIN_MATCHES else count(quick.distinctive())
 
 
 def _right_turned(points: Correspondences, quarters: int) -> Correspondences:

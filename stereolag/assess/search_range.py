@@ -22,6 +22,9 @@ REACH_BEHIND = 0.12
 REACH_IN_FRONT = 0.28
 """Reach of the coarse search in front of infinity, as a share of the width."""
 
+END_PARTS = 16
+"""Part of the search, at either end, in which patches that reach the end are no matches."""
+
 MAX_COARSE_ROW_ERROR_PX = 0.5
 """Row errors up to this size in the coarse images are left uncorrected, px."""
 
@@ -92,7 +95,7 @@ def coarse_range(left: Image, right: Image, points: Correspondences | None) -> t
     if points is not None:
         coarse[1] = _rows_aligned(coarse[1], points, scale)
         ends.append(disparities_of(points))
-    disparity = quick_map(coarse[0], coarse[1])
+    disparity = quick_map(coarse[0], coarse[1], ends=False)
     measured = disparity[np.isfinite(disparity)]
     share = measured.size / disparity.size
     if share >= (MIN_MEASURED_WITHOUT_FEATURES if points is None else MIN_MEASURED_SHARE):
@@ -116,10 +119,11 @@ def reduced(image: Image, width: int) -> Image:
     return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA))
 
 
-def quick_map(left: Image, right: Image, reach: float = REACH_IN_FRONT) -> FloatMap:
+def quick_map(left: Image, right: Image, reach: float = REACH_IN_FRONT, *, ends: bool = True) -> FloatMap:
     """Return the disparities of small images, up to `reach` of their width, that pass all checks.
 
-    Both are framed, so that the whole width is searched.
+    Both are framed, so that the whole width is searched. Without `ends`, patches that reach an end of the search are
+    left out: bland ones are matched there, and around it, as disparities change smoothly.
     """
     width, first = left.shape[1], -int(REACH_BEHIND * left.shape[1])
     count = 16 * max(1, math.ceil(int((REACH_BEHIND + reach) * width) / 16))
@@ -132,7 +136,13 @@ def quick_map(left: Image, right: Image, reach: float = REACH_IN_FRONT) -> Float
         speckle_window_size=60,
         speckle_range=1,
     )
-    return matcher.compute(*framed).disparity[8:-8, count + 8 : count + 8 + width]
+    disparity = matcher.compute(*framed).disparity[8:-8, count + 8 : count + 8 + width]
+    if ends:
+        return disparity
+    distance = np.fmin(disparity - first, first + count - 1 - disparity)
+    _, parts = cv2.connectedComponents((distance < count / END_PARTS).astype(np.uint8), connectivity=4)
+    at_end = np.isin(parts, parts[distance < 2]) & (parts > 0)
+    return np.where(at_end, np.float32(np.nan), disparity)
 
 
 def _nearest_ground(disparity: FloatMap) -> float:

@@ -33,9 +33,8 @@ SENTENCES: Mapping[FindingCode, tuple[str, str]] = {
         "One moving camera may have taken both images: {motion}.",
     ),
     FindingCode.NOT_SAME_MOMENT: (
-        "Nothing moved between the images.",
-        "The images are not of the same moment: points move away from {epipole}, as from cameras that move, not as "
-        "from two that stand side by side.{fitting}",
+        "No motion is seen between the images.",
+        "The images are not of the same moment: {motion}.{fitting}",
     ),
     FindingCode.SWAPPED: (
         "{left}.",
@@ -100,11 +99,20 @@ def _words(finding: Finding) -> dict[str, str | float]:
             return {"where": where, "squeezed": f", squeezed to half their {squeezed}" if numbers["half"] else ""}
         case FindingCode.ONE_MOVING_CAMERA | FindingCode.NOT_SAME_MOMENT if not finding.healthy:
             if "turned_deg" in numbers:
-                only = f"by {numbers['turned_deg']:.1f}°"
-                return {"motion": f"all points move as if it had only turned, {only}, which tells nothing of depth"}
-            epipole = f"one place, {100 * numbers['x']:.0f} % across and {100 * numbers['y']:.0f} % down the image"
-            motion = f"points move away from {epipole}, so rows do not match"
-            return {"epipole": epipole, "motion": motion, "fitting": _fitting(numbers.get("frames", 0))}
+                only = f"all points move as if it had only turned, by {numbers['turned_deg']:.1f}°"
+                return {
+                    "motion": f"{only}, which tells nothing of depth. Turned cameras before a flat scene look alike"
+                }
+            if "moved" in numbers:
+                motion = f"{numbers['moved']:.0f} features moved up or down together, off the rows of the others"
+            else:
+                epipole = f"one place, {100 * numbers['x']:.0f} % across and {100 * numbers['y']:.0f} % down the image"
+                one_camera = finding.code is FindingCode.ONE_MOVING_CAMERA
+                seen = (
+                    "so rows do not match" if one_camera else "as from cameras that move, not as from two side by side"
+                )
+                motion = f"points move away from {epipole}, {seen}"
+            return {"motion": motion, "fitting": _fitting(numbers.get("frames", 0))}
         case FindingCode.SWAPPED:
             run = f"disparities run from {numbers['lowest_px']:.0f} to {numbers['highest_px']:.0f} px"
             unclear = (

@@ -176,8 +176,8 @@ def _read_pair(options: argparse.Namespace) -> tuple[Pair, tuple[str, ...]]:
         lines = (*lines, *filter(None, (about_truth,)))
     pair = assemble_pair(left, right, truth, requested_calibration(options), id=PairId(options.left))
     pair, on_rectification = rectified_as_requested(pair, options, *WORDING)
-    turned = [change.sentence for change in pair.changes if change.code is ChangeCode.TURNED]
-    return pair, (*lines, *calibration_sentences(pair.calibration), *turned, *on_rectification)
+    changed = [change.sentence for change in pair.changes if change.code is not ChangeCode.RECTIFIED]
+    return pair, (*lines, *calibration_sentences(pair.calibration), *changed, *on_rectification)
 
 
 def _load_loops(matcher: StereoMatcher, pair: Pair) -> None:

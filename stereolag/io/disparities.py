@@ -50,8 +50,9 @@ def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArr
     disparity
         (rows, cols) float32, px, positive in front of infinity; NaN where the file marks a pixel as unknown: by 0 in an
         image of integers; otherwise by NaN, infinity or numbers from 1e9 on, by -9999 and the like, by a repeated whole
-        number if it is the only negative one, and by OpenCV's minDisparity - 1, also if positive, which fills a whole
-        side of a map in 1/16 px.
+        number if it is the only negative one, by OpenCV's minDisparity - 1, also if positive, which fills a whole side
+        of a map in 1/16 px, and if no pixel is marked otherwise, by a repeated whole number that alone is not below the
+        width, or by a repeated 0 if all other numbers are of one sign and at least 1 px away.
 
     Raises
     ------
@@ -166,17 +167,20 @@ def read_stored_disparity(source: Source) -> StoredDisparity:
         if data.startswith(magic):
             raise ValueError(f"The {MAP} is {description}.")
     stored = kind.read(data)
-    if stored.ndim == 3 and stored.dtype == np.uint8 and np.ptp(stored[:, :, :3], axis=2).any():
+    if stored.ndim == 3 and kind is IMAGES:
         colours = stored[:, :, :3]
-        disparity = np.where(colours.any(axis=2), colours @ np.array(SINTEL_WEIGHTS_PX), np.nan).astype(np.float32)
-        # Red is the coarse part, green and blue the fraction: a photograph's colours all rise and fall together.
-        red, *fractions = np.reshape(colours, (-1, 3)).T.astype(np.float64)
-        together = all(
-            np.abs(np.cov(red, one)[0, 1]) > MIN_PHOTO_CORRELATION * max(1e-9, float(red.std() * one.std()))
-            for one in fractions
-        )
-        if np.nanmax(disparity) < stored.shape[1] and not together:
-            return StoredDisparity(disparity, 1.0)
+        if not np.ptp(colours, axis=2).any():
+            stored = colours[:, :, 0]  # grey, saved as a colour image
+        elif stored.dtype == np.uint8:
+            disparity = np.where(colours.any(axis=2), colours @ np.array(SINTEL_WEIGHTS_PX), np.nan).astype(np.float32)
+            # Red is the coarse part, green and blue the fraction: a photograph's colours all rise and fall together.
+            red, *fractions = np.reshape(colours, (-1, 3)).T.astype(np.float64)
+            together = all(
+                np.abs(np.cov(red, one)[0, 1]) > MIN_PHOTO_CORRELATION * max(1e-9, float(red.std() * one.std()))
+                for one in fractions
+            )
+            if np.nanmax(disparity) < stored.shape[1] and not together:
+                return StoredDisparity(disparity, 1.0)
     if stored.ndim > 2 and kind is not IMAGES:
         stored = stored.squeeze()  # networks keep axes of length 1 for the batch and the channel
     if stored.ndim != 2:
@@ -191,20 +195,26 @@ def read_stored_disparity(source: Source) -> StoredDisparity:
             return StoredDisparity(signed, float(OPENCV_SCALE), marker)
         return StoredDisparity(stored, None if stored.dtype == np.uint8 else float(KITTI_SCALE), (0.0,))
     divisor = float(OPENCV_SCALE) if stored.dtype == np.int16 else 1.0
-    marker = _negative_marker(stored) or _opencv_marker(stored)
-    return StoredDisparity(stored, None if stored.itemsize == 1 else divisor, (*NO_DATA_VALUES, *marker))
+    markers = _repeated_markers(stored, divisor) or _opencv_marker(stored)
+    return StoredDisparity(stored, None if stored.itemsize == 1 else divisor, (*NO_DATA_VALUES, *markers))
 
 
-def _negative_marker(stored: npt.NDArray[Any]) -> tuple[float, ...]:
-    """Return the only negative number of a map, if it is whole and repeated: programs mark unknown pixels by it."""
-    if stored.dtype.kind not in "if":
-        return ()
+def _repeated_markers(stored: npt.NDArray[Any], divisor: float) -> tuple[float, ...]:
+    """Return the repeated numbers by which a program marks unknown pixels, as they go with no other number of its map.
+
+    These are the only negative one, if it is whole; and where no pixel is marked otherwise, the only one not below the
+    width, beyond which nothing matches, and 0, if all others are of one sign and at least 1 px away.
+    """
     with np.errstate(invalid="ignore", over="ignore"):  # float16 cannot hold -99999
-        negative = stored[(stored < 0) & ~np.isin(stored, NO_DATA_VALUES)]
-    if not 1 < negative.size < stored.size:
-        return ()
-    marker = float(negative[0])
-    return (marker,) if marker <= -1 and marker == np.rint(marker) and (negative == marker).all() else ()
+        known = stored[np.isfinite(stored) & ~np.isin(stored, NO_DATA_VALUES)]
+    unmarked = known.size == stored.size
+    for some in (known[known < 0], known[unmarked & (known >= divisor * stored.shape[1])]):
+        if 1 < some.size < known.size and some[0] % 1 == 0 and (some == some[0]).all():
+            return (float(some[0]),)
+    others = known[known != 0]
+    if unmarked and 0 < others.size < known.size - 1 and max(others.min(), -others.max()) >= divisor:
+        return (0.0,)
+    return ()
 
 
 def _opencv_marker(stored: npt.NDArray[Any]) -> tuple[float, ...]:

@@ -207,6 +207,16 @@ def test_a_slow_motion_forwards_is_not_taken_for_rows_that_bend() -> None:
     assert amber(told) == MOVING["left"] and all(finding.remedy is None for finding in told.ill)
 
 
+def test_a_thing_that_moved_up_or_down_is_told_and_the_rest_is_examined_all_the_same() -> None:
+    left, right, _ = bundled("cube")
+    right = right.copy()
+    right[72:132, 160:220] = right[78:138, 160:220].copy()
+    diagnosis = diagnose(left, right)
+    moment = diagnosis.finding(FindingCode.NOT_SAME_MOMENT)
+    assert amber(diagnosis) - amber(healthy()) == {FindingCode.NOT_SAME_MOMENT} and moment.numbers["moved"] >= 25
+    assert diagnosis.suggested_range == healthy().suggested_range
+
+
 def test_pictures_with_nothing_in_common_get_no_remedy_and_no_range() -> None:
     diagnosis = diagnose(bundled("road")[0][:200, :300], bundled("cube")[1][:200, :300])
     assert FindingCode.MATCHES in amber(diagnosis)
@@ -226,6 +236,13 @@ def test_a_picture_that_repeats_is_searched_over_one_repetition(period: int) -> 
     finding = diagnosis.finding(FindingCode.RANGE)
     assert not finding.healthy and finding.numbers["repeats_px"] == pytest.approx(period, abs=2)
     assert diagnosis.suggested_range == (0, 16 * -(-period // 16))
+
+
+def test_blank_margins_do_not_widen_the_range_to_the_ends_of_the_search() -> None:
+    left, right, disparity = bundled("cube")
+    views = [np.pad(view[30:-30, 30:-30], ((30, 30), (30, 30), (0, 0)), constant_values=255) for view in (left, right)]
+    low, high = diagnose(*views).disparities
+    assert -4 < low < high < np.nanmax(disparity) + 4
 
 
 def test_black_borders_are_told() -> None:
@@ -406,6 +423,8 @@ def test_a_lens_is_removed_though_most_features_are_far_away_where_it_bends_noth
     seen = [through_barrel(one, (400, 880), -0.3) + rng.normal(0, 0.15, one.shape) for one in views]
     found = best_rectification(matched(*seen, (400, 880)))
     assert found is not None and found.lens == pytest.approx(-0.3, abs=0.05)
+    seen = [through_barrel(one, (400, 880), 1.5) + rng.normal(0, 0.15, one.shape) for one in views]
+    assert best_rectification(matched(*seen, (400, 880))) is None  # no such lens is made
 
 
 @pytest.mark.parametrize("order", [1, -1], ids=["right", "swapped"])

@@ -54,6 +54,7 @@ def pfm_of(disparity: np.ndarray, scale: str = "-1.0") -> bytes:
 @pytest.mark.parametrize("suffix", [*DISPARITY_FORMATS, ".PNG"])
 @given(disparity=hnp.arrays(np.float32, shapes, elements=NAN | st.floats(QUANTUM, 255.75, width=32)))
 def test_a_map_comes_back(tmp_path_factory: pytest.TempPathFactory, suffix: str, disparity: np.ndarray) -> None:
+    disparity = np.pad(disparity, 1, constant_values=np.nan)
     disparity[0, 0] = 5.0
     path = tmp_path_factory.getbasetemp() / f"disparity{suffix}"
     write_disparity(path, disparity)
@@ -140,6 +141,12 @@ def test_what_opencv_writes_below_its_search_is_unknown_wherever_that_begins(fir
         (png(np.array([[65520, 96, 97]], np.uint16)), None, [[np.nan, 6, 97 / 16]]),  # OpenCV's, with unknown pixels
         (png(np.array([[65520, 40000]], np.uint16)), None, [[65520 / 256, 40000 / 256]]),
         (npy(np.array([[0, 7]])), None, [[0, 7]]),  # 0 is a disparity here
+        (npy(np.array([[0, 0, 0.5, 3]])), None, [[0, 0, 0.5, 3]]),
+        (pfm_of(np.array([[0, 0, 2.5, 3]])), None, [[np.nan, np.nan, 2.5, 3]]),
+        (npy(np.array([[0, 0, 40, 48]], np.int16)), None, [[np.nan, np.nan, 2.5, 3]]),
+        (npy(np.array([[9999.0, 9999, 2, 3]])), None, [[np.nan, np.nan, 2, 3]]),
+        (npy(np.array([[0, 0, -2.5, -3]])), -1, [[np.nan, np.nan, 2.5, 3]]),
+        (png(np.full((1, 2, 3), 8, np.uint8)), 4, [[2, 2]]),  # grey, saved in colours
         (pfm_of(np.array([[7, 1e10, 1e20, np.finfo(np.float32).max]])), None, [[7, *[np.nan] * 3]]),
         (npy(np.array([[6.0, 8.0]])), 4, [[1.5, 2.0]]),
         (npy(np.array([[1e300, 7]])), None, [[np.nan, 7]]),
@@ -169,7 +176,7 @@ def test_special_files(data, divisor, expected):
         (npy(np.full((2, 2), 9, np.uint8)), {}, "8 bits per pixel: its divisor must be given"),
         (b"\x89HDF\r\n\x1a\n", {}, r"HDF5 file, as those of Spring \(.dsp5\)"),
         (b"MATLAB 7.3 MAT-file", {}, "version 7.3, which is not read: save it by"),
-        (png(np.full((2, 2, 3), 9, np.uint8)), {"divisor": 4}, r"shape \(2, 2, 3\); allowed is one channel"),
+        (npy(np.full((2, 2, 3), 9, np.uint8)), {"divisor": 4}, r"shape \(2, 2, 3\); allowed is one channel"),
         (png(np.zeros((2, 2), np.uint16)), {}, "no disparity at all"),
         (png(np.ones((2, 2), np.uint16)), {"divisor": 0}, "divisor is 0"),
         (pfm_of(np.ones((3, 3)))[:-1], {}, "cut short: 3 × 3 pixels need 36 bytes, it has 35"),

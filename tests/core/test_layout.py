@@ -91,3 +91,15 @@ def test_a_blank_picture_and_a_page_of_text_are_no_anaglyph(ink: tuple[int, int,
     if ink is not None:
         cv2.putText(page, "Hello", (50, 100), cv2.FONT_HERSHEY_SIMPLEX, 1.5, ink, 3)
     assert likely_layout(page) is None
+
+
+@pytest.mark.parametrize("layout", [Layout.BESIDE, Layout.OVER_UNDER])
+def test_a_frame_around_the_views_and_a_gap_between_them_do_not_displace_them(layout: Layout) -> None:
+    axis = int(layout is Layout.BESIDE)
+    gap = np.zeros_like(LEFT[:, :24] if axis else LEFT[:24])
+    both = np.pad(np.concatenate([LEFT, gap, RIGHT], axis), ((9, 9), (9, 9), (0, 0)))
+    left, right, said = read_views(file(both))
+    assert likely_layout(both) == (layout, False)
+    assert "Blank margins are left out" in said
+    for found, view in ((left, LEFT), (right, RIGHT)):
+        np.testing.assert_array_equal(found, view)

@@ -53,7 +53,8 @@ def test_images_truth_and_calibration_are_made_to_fit() -> None:
     assert (pair.num_disparities, pair.min_disparity) == (pair.calibration.num_disparities, 0)
     assert [change.sentence for change in pair.changes] == [
         "Split.",
-        "The images differ by a few pixels and were cropped to 199 × 119.",
+        "The images differ by a few pixels and were cropped to 199 × 119. If one lacks columns on its left, every "
+        "disparity and every distance is wrong.",
         "The calibration was scaled to 199 × 119 pixels.",
     ]
     as_given = assemble_pair(LEFT, LEFT, TRUTH, replace(CALIBRATION, width=200, height=120), id=ID)
