@@ -21,8 +21,9 @@ Axis = str | Mapping[str, Any]
 def laid_out(figure: go.Figure, height: int, x: Axis, y: Axis, *, margin: int = 8, **layout: Any) -> go.Figure:
     """Return the figure, `height` px high, with its axes set; `layout` holds other properties of Plotly's layout."""
     figure.update_layout(height=height, margin=dict.fromkeys("lrtb", margin), **layout)
-    figure.update_xaxes({"title": x} if isinstance(x, str) else x)
-    return figure.update_yaxes({"title": y} if isinstance(y, str) else y)
+    # Commas in every number from 1,000, as in all text; Plotly begins at 10,000.
+    figure.update_xaxes({"title": x} if isinstance(x, str) else x, separatethousands=True)
+    return figure.update_yaxes({"title": y} if isinstance(y, str) else y, separatethousands=True)
 
 
 def rings(x: Any, y: Any, colour: str, size: int, thickness: float, **more: Any) -> go.Scatter:

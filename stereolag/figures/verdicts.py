@@ -35,10 +35,12 @@ def lag_in_words(result: SignalLag, assumed: Collection[str] = ()) -> str:
     given = [f"{result.speed:,.10g} m/s"] if "speed" in assumed else []
     given += [hertz] if "sampling_rate" in assumed else []
     at = f", at {' and '.join(given)}, {'both ' if len(given) > 1 else ''}assumed" if given else ""
-    seconds = four_digits(abs(result.time_s))
+    seconds, far = four_digits(abs(result.time_s)), result.distance_m
+    # Short paths are those in a tank or along a bar.
+    metres = f"{far:,.2f}" if far >= 0.1 else np.format_float_positional(far, 2, fractional=False)
     return (
         f"Sensor {later} hears it **{seconds} s** ({samples}) after sensor {earlier}: its path is "
-        f"**{result.distance_m:,.2f} m** longer{at}."
+        f"**{metres} m** longer{at}."
     )
 
 

@@ -179,8 +179,8 @@ MAX_SPACING_RATIO = 1.6
 ENOUGH_VOTES = 5
 """Number of pictures with a board of the same size that settles it."""
 
-MIN_GUESSED_SIZE = (3, 3)
-"""Minimum columns and rows of inner corners of a chessboard whose size is guessed."""
+MIN_CHESSBOARD_SIZE = (3, 3)
+"""Minimum columns and rows of inner corners of a chessboard, below which OpenCV looks for none."""
 
 _QUICK_FLAGS = cv2.CALIB_CB_NORMALIZE_IMAGE
 _THOROUGH_FLAGS = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
@@ -265,8 +265,8 @@ def guess_chessboard(pictures: Iterable[EightBit], *, thorough: bool = True) -> 
 
 def _largest_grid(picture: EightBit, flags: int) -> Sequence[tuple[int, int]]:
     """Return the size of the largest grid in a picture, the longer side first, as one item; none if there is none."""
-    found, _, grid = cv2.findChessboardCornersSBWithMeta(picture, MIN_GUESSED_SIZE, flags | cv2.CALIB_CB_LARGER)
-    if not found or min(grid.shape) < min(MIN_GUESSED_SIZE):
+    found, _, grid = cv2.findChessboardCornersSBWithMeta(picture, MIN_CHESSBOARD_SIZE, flags | cv2.CALIB_CB_LARGER)
+    if not found or min(grid.shape) < min(MIN_CHESSBOARD_SIZE):
         return ()
     return ((max(grid.shape), min(grid.shape)),)
 
@@ -277,6 +277,8 @@ def _detected(grey: EightBit, board: Board, max_side: int, detectors: Sequence[D
     If the ends of the board differ in colour, the first corner is at the white end, whichever detector found it.
     """
     (picture, factor), size = reduced(grey, max_side), (board.columns, board.rows)
+    if min(size) < min(MIN_CHESSBOARD_SIZE):
+        raise ValueError(f"The chessboard has {size[0]} × {size[1]} inner corners; at least 3 × 3 are needed.")
     for detector in detectors:
         detect, flags = detector
         found, points = detect(picture, size, flags=flags)
@@ -546,7 +548,8 @@ def find_boards(
     Raises
     ------
     ValueError
-        No pairs or more than 100, a picture that is not an image, or a board of unknown size that no picture shows.
+        No pairs or more than 100, a picture that is not an image, a chessboard with fewer than 3 × 3 inner corners, or
+        a board of unknown size that no picture shows.
     """
     pairs = list(pairs) if isinstance(pairs, Iterable) else pairs
     if not 1 <= len(pairs) <= MAX_PAIRS:
@@ -583,8 +586,8 @@ def guess_board(pairs: Pairs, size: tuple[int, int] | None = None) -> Board:
     board = guess_charuco(pictures, size) or known or guess_chessboard(pictures)
     if board is None:
         raise ValueError(
-            f"No chessboard or ChArUco board is seen in {len(pictures)} pictures; give board as (columns, rows) of "
-            "inner corners, or pictures that show the whole board with a white border."
+            f"No chessboard or ChArUco board is seen in {len(pictures)} pictures; give its number of inner "
+            "corners, columns and rows, or pictures that show the whole board with a white border."
         )
     return board
 

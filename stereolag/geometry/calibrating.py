@@ -346,10 +346,12 @@ def _usable_pairs(reasons: Sequence[LeftOut | None], views: BoardViews) -> list[
                 f"The pictures are of {sizes} pixels: {len(usable)} of {len(views)} pairs have the most common size, "
                 f"and at least {MIN_PAIRS} are needed. Give left and right pictures of one size, as they were taken."
             )
-        board = f"{views.board.columns} × {views.board.rows} inner corners"
+        board = f"A board of {views.board.columns} × {views.board.rows} inner corners"
+        enough = len(views.both) >= MIN_PAIRS and LeftOut.BY_HAND in reasons
         raise ValueError(
             f"{len(usable)} of {len(views)} pairs can be used, and at least {MIN_PAIRS} are needed, 8 or more for a "
-            f"good calibration. A board of {board} was found in both pictures of {len(views.both)}: is that its size?"
+            f"good calibration. {board} was found in both pictures of {len(views.both)}: "
+            + ("use some of those left out." if enough else "is that its size?")
         )
     return usable
 

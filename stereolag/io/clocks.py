@@ -221,7 +221,8 @@ def duplicate_warning(first: Recording, second: Recording) -> str:
     )
     if first.channels.shape != second.channels.shape or np.unique(one).size < MIN_LEVELS:
         return ""
-    one, other = one - one.mean(dtype=np.float64), other - other.mean(dtype=np.float64)
+    centred = (signal - signal.mean(dtype=np.float64) for signal in (one, other))
+    one, other = (signal / (np.abs(signal).max() or 1) for signal in centred)  # its square may overflow
     shared_power, power = np.vdot(one, other) ** 2, np.vdot(one, one) * np.vdot(other, other)
     return DUPLICATE_WARNING if shared_power > (1 - MAX_DUPLICATE_RESIDUAL) * power > 0 else ""
 

@@ -99,14 +99,14 @@ def pattern_of(
     """
     counts = weights > 0
     if not counts.any():
-        raise ValueError("template has no opaque pixel under its mask; at least 2 of different value are needed.")
+        raise ValueError("The template has no opaque pixel under its mask; at least 2 of different value are needed.")
     pixels = (edges(colours) if silhouette else colours)[counts]
     if not np.ptp(pixels, axis=0).any():
         value = ", ".join(f"{channel:g}" for channel in pixels[0])
         raise ValueError(
-            f"template is constant ({value} in "
+            f"The template is constant ({value} in "
             f"{'its only opaque pixel' if len(pixels) == 1 else f'all its {len(pixels)} opaque pixels'}); "
-            "a correlation needs something that varies."
+            "a correlation needs something that varies, such as an edge."
         )
     # Relative to its first pixel, a constant channel is exactly 0, whatever the rounding of its mean.
     relative = pixels.astype(np.float64) - pixels[0].astype(np.float64)

@@ -309,7 +309,7 @@ def ask_pairs(pictures: BoardPictures, views: BoardViews) -> frozenset[int]:
         return frozenset()
     return frozenset(usable).difference(
         st.pills(
-            "Pairs used: click one to leave it out or to use it again",
+            "Pairs to use: click one to leave it out or to use it again",
             usable,
             selection_mode="multi",
             default=usable,

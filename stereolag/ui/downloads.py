@@ -230,12 +230,13 @@ def take_away(
     key
         Prefix of the keys.
     """
-    about = f"To {purpose}, in the folder of these files: {command}"
+    about, refusal = f"To {purpose}, in the folder of these files: {command}", too_large(memory)
     with st.container(horizontal=True, gap="small"):
-        show_zip_button(partial(archive, files, about), memory, key=key, refusal=too_large(memory))
+        show_zip_button(partial(archive, files, about), memory, key=key, refusal=refusal)
         show_file_buttons(files, memory, key=key)
-    prose.caption(f"To {purpose}, in the folder of the unpacked ZIP:")
-    st.code(command, language=None, wrap_lines=True)
+    prose.caption(f"No ZIP of all files: {refusal}" if refusal else f"To {purpose}, in the folder of the unpacked ZIP:")
+    if not refusal:
+        st.code(command, language=None, wrap_lines=True)
     said = (
         "The address of this page holds its settings, but not your own files."
         if own

@@ -18,7 +18,7 @@ from stereolag.io.guard import start_guard
 from stereolag.ui import prose
 from stereolag.ui import streamlit_inside as inside
 from stereolag.ui.background_jobs import this_visit
-from stereolag.ui.controls import run_of_page, run_of_part
+from stereolag.ui.controls import drawn_anew, run_of_page, run_of_part
 from stereolag.warming import warm
 
 P = ParamSpec("P")
@@ -94,8 +94,15 @@ def bench() -> tuple[inside.Container, inside.Container]:
 
 
 def show_parts(key: str, parts: Mapping[str, Callable[P, None]], *args: P.args, **kwargs: P.kwargs) -> None:
-    """Show the parts of a result as tabs; each is drawn by its function only while it is open."""
-    for tab, show in zip(st.tabs([*parts], key=key, on_change="rerun"), parts.values(), strict=True):
+    """Show the parts of a result as tabs; each is drawn by its function only while it is open.
+
+    The open one outlives the tabs, which are gone while a result is computed or another page is shown.
+    """
+    state, kept = st.session_state, f"{key}.kept"
+    if drawn_anew(key) and kept in state:
+        state[key] = state[kept]
+    tabs = st.tabs([*parts], key=key, on_change=lambda: state.update({kept: state[key]}))
+    for tab, show in zip(tabs, parts.values(), strict=True):
         if tab.open:
             with tab:
                 show(*args, **kwargs)

@@ -8,7 +8,7 @@ from streamlit.testing.v1 import AppTest
 from stereolag.core.settings import Settings
 from stereolag.ui import controls
 from stereolag.ui.controls import control, persistent, run_of_page
-from stereolag.ui.navigation import fragment
+from stereolag.ui.navigation import fragment, show_parts
 from tests.app.pages import PROJECT, page_of
 
 
@@ -91,6 +91,22 @@ def test_a_value_can_be_typed_again(app: AppTest, monkeypatch: pytest.MonkeyPatc
     for value in (5, 3, 5):
         app.number_input(key="size.exact").set_value(value).run()
         assert app.slider(key="size").value == value
+
+
+@fragment
+def result_in_parts() -> None:
+    if st.toggle("Computed", value=True, key="computed"):
+        show_parts("part", {"One": lambda: None, "Two": lambda: st.text("Two is open")})
+
+
+def test_a_tab_clicked_while_its_result_is_computed_again_is_open_afterwards() -> None:
+    app = page_of(result_in_parts)
+    app.toggle(key="computed").set_value(False)
+    clicked = app._tree.get_widget_states()  # AppTest cannot click on a tab
+    clicked.widgets.add(id=app.main.children[0].children[1].proto.id, string_value="Two")
+    app._run(clicked)
+    app.toggle(key="computed").set_value(True).run()
+    assert [one.value for one in app.text] == ["Two is open"]
 
 
 def test_every_control_that_persists_does_it_so() -> None:

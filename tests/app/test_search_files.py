@@ -161,3 +161,4 @@ def test_a_zip_that_takes_too_much_memory_is_refused_and_nothing_is_made_unasked
     (disabled,) = [button.proto for button in app.get("download_button") if button.proto.disabled]
     assert disabled.label == "All in one ZIP"
     assert "one job may take" in disabled.help
+    assert not app.code  # its command needs the recordings, which only the ZIP holds

@@ -72,6 +72,7 @@ def test_lags(snapshot: Snapshot) -> None:
         "step": sl.signal_lag(first, np.delete(second, slice(60_000, 61_000))),
         "headings": sl.signal_lag(headings[40:], headings),
         "echo": sl.signal_lag(clip, np.pad(clip, (25, 500)) + 0.5 * np.pad(clip, (525, 0))),
+        "a short path": sl.signal_lag(late, clip, speed=1),
     }
     said = {}
     for name, one in results.items():

@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 
 import pytest
 from playwright.sync_api import Locator, Page, Position, expect
@@ -111,6 +112,10 @@ def test_all_pictures_zoom_and_move_together(open_part: OpenPart) -> None:
     assert {view.get_attribute("viewBox") for view in views.all()} == {moved}
     picture.dblclick(position=point(picture, 0.5, 0.5))
     expect(views.first).to_have_attribute("viewBox", whole)
+    resized(page, 980)  # two legends in a row, which they fill
+    ticks = [box_of(one) for one in page.locator(".ticks.two span").all()]
+    assert all(one["x"] + one["width"] < following["x"] for one, following in pairwise(ticks)), ticks
+    resized(page, 1280)
     screenshot(page)
 
 

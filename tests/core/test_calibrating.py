@@ -225,6 +225,11 @@ def test_a_set_from_which_nothing_follows_is_refused(views, message, change):
         calibrate_boards(change(views), SQUARE_M)
 
 
+def test_too_few_pairs_left_by_hand_are_no_doubt_of_the_board(views: BoardViews) -> None:
+    with pytest.raises(ValueError, match=r"^2 of 8 pairs .* pictures of 8: use some of those left out"):
+        calibrate_boards(views, SQUARE_M, leave_out=range(6))
+
+
 def test_no_row_of_a_small_board_is_left_out_for_its_edge() -> None:
     random, board = np.random.default_rng(5), Board(4, 3)
     flat = board_picture(board, 40)

@@ -304,6 +304,7 @@ def test_pictures_are_paired_however_they_are_given(pictures: list[str]) -> None
         ("calibrate flat --square 0", 2, "'0' is not a length"),
         ("calibrate flat --square 1 --board 6-4", 2, "'6-4' is not a board"),
         ("calibrate flat --square 1 --board 1x4", 2, "allowed are 2 to 50 inner corners"),
+        ("calibrate flat --square 1 --board 2x4", 4, "has 2 × 4 inner corners; at least 3 × 3 are needed"),
         ("calibrate flat/left1.png flat/right1.png --square 1 --board 6x4", 4, "pairs"),
         ("calibrate none --square 1 --out new", 4, "none: there is no such file or folder."),
         ("calibrate cut.zip --square 1", 4, "cut.zip: The archive is not a ZIP file, or it is damaged"),

@@ -559,7 +559,7 @@ def test_two_recordings_with_dates_tell_how_far_apart_they_begin() -> None:
 def test_one_signal_saved_twice_is_told_however_loud_and_two_sensors_are_not() -> None:
     sound = np.random.default_rng(4).normal(size=(1, 3000)) * 0.2
     first = Recording(sound, RATE)
-    for other in (sound, -0.3 * sound + 0.1, np.round(0.3 * sound * 32767) / 32767):
+    for other in (sound, -0.3 * sound + 0.1, np.round(0.3 * sound * 32767) / 32767, 1e200 * sound):
         assert "one signal, saved twice" in duplicate_warning(first, Recording(other, RATE))
     for other in (sound + 0.01 * A.std() * sound[:, ::-1], np.roll(sound, 3), sound[:, 1:], 0 * sound):
         assert duplicate_warning(first, Recording(other, RATE)) == ""

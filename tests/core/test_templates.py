@@ -161,7 +161,7 @@ def test_a_progress_that_raises_cancels_the_search(method: TemplateMethod) -> No
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"template": np.full((5, 6), 7)}, r"template is constant .* needs something that varies"),
+        ({"template": np.full((5, 6), 7)}, r"The template is constant .* needs something that varies"),
         ({"template": np.full((1, 1), 7)}, r"template is constant \(7 in its only opaque pixel\)"),
         ({"template": random_image((31, 5))}, r"The template is 5 × 31 pixels and the image 40 × 30; .* must fit"),
         ({"template": random_image((5, 41))}, r"template is 41 × 5 pixels"),

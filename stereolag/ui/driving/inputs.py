@@ -140,7 +140,10 @@ def _with_calibration(given: Upload[_Frames], calibration: Calibration | None) -
     """Return a drive with its calibration, rectified if its first frame is raw, and the range that its frames need."""
     sequence, frame = given.content
     if frame is None:
-        refuse(f"None of the first {FRAMES_TRIED} frames can be read. Check that their two images belong together.")
+        refuse(
+            f"No frame can be read among the first {min(FRAMES_TRIED, len(sequence))}: their pictures are damaged or "
+            "have no partner. Check the files, and that names or folders tell left from right."
+        )
         return None
     rows, cols = frame.left.shape[:2]
     fitted = None

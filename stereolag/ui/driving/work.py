@@ -290,7 +290,7 @@ def _show_progress(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
             to_go = f", about {state.remaining_s:,.0f} s to go" if state and not math.isnan(state.remaining_s) else ""
             show_busy(
                 work.job,
-                f"{done} of {total} frames{to_go}",
+                f"{done:,} of {total:,} frames{to_go}",
                 key=f"{KEY}.cancel",
                 done=done / total,
                 ending="Stops here; finished frames are kept, and you can resume later.",
@@ -301,10 +301,10 @@ def _show_progress(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
         if state is None:
             return
         rate = state.done / state.elapsed_s if state.elapsed_s else 0.0
-        damaged = f", {state.damaged} of them damaged" if state.damaged else ""
-        announce(f"{state.done} of {total} frames are done.")
+        damaged = f", {state.damaged:,} of them damaged or without a partner" if state.damaged else ""
+        announce(f"{state.done:,} of {total:,} frames are done.")
         prose.caption(
-            f"{state.done} of {total} frames in {duration(state.elapsed_s)}{damaged}: **{rate:.1f} a second**, "
+            f"{state.done:,} of {total:,} frames in {duration(state.elapsed_s)}{damaged}: **{rate:.1f} a second**, "
             "decoded, matched, coloured and encoded.",
             width="content",
         )

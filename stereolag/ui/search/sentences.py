@@ -53,7 +53,7 @@ def why_not_found(result: TemplateSearch, query: TemplateQuery) -> str:
             "No place in the image has exactly these pixels. “FFT” also finds a template that was dimmed, recoloured "
             "or recompressed."
             if sampled
-            else "There is nothing to correlate anywhere in the image."
+            else "The image is constant, or has missing values, wherever the template could be: choose another image."
         )
     score, count = f"The best place scores {result.best.score:.3f}", len(result.look_alikes)
     if count and result.best.score - result.look_alikes[-1].score < EQUAL_SCORES:
