@@ -24,6 +24,7 @@ from stereolag.assess.judging import (
     judges_itself,
     parameters,
 )
+from stereolag.core.inputs import check_positive
 from stereolag.core.jobs import Estimate, Progress, silent
 from stereolag.core.settings import FitsImage, Number, Settings, changed, marker
 from stereolag.stereo.finishing.stages import LeftRightCheck, MedianFilter, SpeckleFilter
@@ -256,8 +257,7 @@ class _Search:
         found: Callable[[Suggestion], None] | None,
         cancelled: Callable[[], bool],
     ) -> None:
-        if not 0 < budget_s < math.inf:
-            raise ValueError(f"budget_s is {budget_s} s; allowed is a finite number above 0.")
+        check_positive(budget_s, "budget_s", "s")
         self.start, self.budget_s, self.cancelled = start, budget_s, cancelled
         self.progress, self.found = progress or silent, found or (lambda _: None)
         self.end, self.reported = time.perf_counter() + budget_s, 0.0

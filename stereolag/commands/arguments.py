@@ -128,8 +128,8 @@ def add_frames(parser: argparse.ArgumentParser, first: str, second: str) -> None
         nargs=2,
         metavar=("A", "B"),
         default=(1, 1),
-        help=f"which frame of {first} and of {second}, where a GIF, WEBP, PNG or TIFF holds several: "
-        "its number, from 1",
+        help=f"which frame of {first} and of {second}, where a GIF, WEBP, HEIC, AVIF, PNG or TIFF "
+        "holds several: its number, from 1",
     )
 
 

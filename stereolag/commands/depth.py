@@ -107,8 +107,8 @@ def _add_files(parser: CommandParser) -> None:
         "right",
         metavar="RIGHT",
         nargs="?",
-        help="the right image, of the same size; none if LEFT holds both views: an MPO, JPS or PNS, or any image with "
-        "one beside or above the other",
+        help="the right image, of the same size; none if LEFT holds both views: an MPO, a spatial HEIC, JPS or PNS, or "
+        "any image with one beside or above the other",
     )
     add_layout(parser)
     add_frames(parser, "the left", "the right image")
@@ -135,8 +135,8 @@ def _add_files(parser: CommandParser) -> None:
         "--out",
         metavar="DIR",
         help="write the map to this folder: disparity as .pfm, .npy, _kitti.png (16 bits, × 256) and _coloured.png, "
-        "settings.json, and with a calibration cloud.ply, depth.tif, depth_mm.png and calibration.json; nothing is "
-        "written unless given",
+        "settings.json, with a calibration cloud.ply, depth.tif, depth_mm.png and calibration.json, and of a raw pair "
+        "both images as rectified; nothing is written unless given",
     )
 
 

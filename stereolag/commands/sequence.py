@@ -155,7 +155,10 @@ def _add_frames(parser: CommandParser) -> None:
     files.add_argument("--truth", metavar="FILES", help="a folder or pattern of true disparities to judge the maps by")
     add_calibration_and_trust(files, "; gives the nearest obstacle in metres")
     files.add_argument(
-        "--frame-rate", type=float, metavar="HZ", help="frames a second (default: that of the video; 10 for pictures)"
+        "--frame-rate",
+        type=float,
+        metavar="HZ",
+        help="frames a second (default: that of the video or of times in the pictures' names; otherwise 10)",
     )
 
 

@@ -18,7 +18,7 @@ from stereolag.core.inputs import Image, as_grey
 from stereolag.core.typography import typeset
 from stereolag.figures.charts import DASHES, laid_out, rings
 from stereolag.figures.legends import hexadecimal
-from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2, VIRIDIS, as_rgb, data_url, fitted, png
+from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2, VIRIDIS, data_url, fitted, png
 
 WINDOW_COLOUR = PEAK
 SEARCH_COLOUR = SENSOR_1
@@ -56,10 +56,8 @@ SCORE_COLOURS = [[at / 15, hexadecimal(VIRIDIS[at * 17])] for at in range(16)]
 def patch_png(image: Image, box: Box) -> bytes:
     """Return part of an image as a PNG, enlarged, in grey, with its contrast stretched."""
     part = as_grey(image)[box.row : box.row + box.height, box.col : box.col + box.width].astype(np.float32)
-    low, span = float(part.min()), float(np.ptp(part)) or 1.0
-    stretched = np.rint((part - low) * (255 / span)).astype(np.uint8)
     scale = max(1, PATCH_PX // max(box.height, box.width))
-    return png(fitted(as_rgb(stretched.repeat(scale, axis=0).repeat(scale, axis=1)), 2 * PATCH_PX))
+    return png(fitted(part.repeat(scale, axis=0).repeat(scale, axis=1), 2 * PATCH_PX))
 
 
 def score_landscape(match: MatchExplanation, searched: MatchExplanation) -> go.Figure:

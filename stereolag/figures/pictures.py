@@ -14,7 +14,7 @@ import numpy.typing as npt
 from PIL import Image as PillowImage
 
 from stereolag.core.arrays import DoubleMap, FloatMap, Mask, Rgb, percentiles
-from stereolag.core.inputs import Image
+from stereolag.core.inputs import Image, check_positive
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 Rgba: TypeAlias = npt.NDArray[np.uint8]
@@ -223,15 +223,14 @@ def flow_colours(dy: FloatMap, dx: FloatMap, largest: float) -> Rgba:
     Raises
     ------
     ValueError
-        If `largest` is not above 0.
+        If `largest` is not finite and above 0.
 
     Notes
     -----
     The published colour code of S. Baker, D. Scharstein, J. Lewis, S. Roth, M. Black & R. Szeliski, "A database and
     evaluation methodology for optical flow", IJCV 92, 2011.
     """
-    if not largest > 0:
-        raise ValueError(f"largest is {largest} px; it must be above 0.")
+    check_positive(largest, "largest", "px")
     known = np.isfinite(dy) & np.isfinite(dx)
     down, right = (np.where(known, part, 0).astype(np.float64) / largest for part in (dy, dx))
     wheel = _wheel()

@@ -8,13 +8,13 @@ A file is read in three steps: its text or arrays are parsed into entries by nam
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import cv2
 import numpy as np
 
+from stereolag.core.inputs import check_positive
 from stereolag.geometry.calibration import MAX_ROW_DIFFERENCE_PX, UNITS, Calibration, Rectification, StereoRig
 from stereolag.geometry.rectification import rectification_for, rectified_calibration
 from stereolag.io.calibration_files import Entries, Entry, Matrix, names_found, parse_entries
@@ -63,6 +63,8 @@ def read_calibration(*sources: Source, length_unit_m: float | None = None) -> Ca
     ------
     ValueError
         A file that is empty, damaged or of another kind, or a calibration that is incomplete or makes no sense.
+    OSError
+        A path that cannot be opened.
 
     Examples
     --------
@@ -74,8 +76,8 @@ def read_calibration(*sources: Source, length_unit_m: float | None = None) -> Ca
     """
     if not sources:
         raise ValueError("No calibration was given; at least one file is needed.")
-    if length_unit_m is not None and not (length_unit_m > 0 and math.isfinite(length_unit_m)):
-        raise ValueError(f"length_unit_m is {length_unit_m}; allowed are numbers above 0.")
+    if length_unit_m is not None:
+        check_positive(length_unit_m, "length_unit_m")
     entries = Entries(*(parse_entries(read_bytes(source, "calibration")) for source in sources))
     layout = layout_of(entries)
     lens = lens_of(entries)

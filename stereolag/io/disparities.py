@@ -59,6 +59,8 @@ def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArr
     ValueError
         An empty, damaged or unknown file, a colour image without colours, more megapixels than the limit in force, no
         pixel with a disparity, 8-bit integers without a divisor, or a divisor of 0.
+    OSError
+        A path that cannot be opened.
 
     Examples
     --------
@@ -488,6 +490,8 @@ def read_depth(source: Source) -> npt.NDArray[np.float32]:
     ------
     ValueError
         A file that is not such an image, or has colours or 8 bits per pixel.
+    OSError
+        A path that cannot be opened.
 
     Examples
     --------

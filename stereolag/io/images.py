@@ -107,6 +107,8 @@ def read_image(source: Source, *, frame: int | None = None) -> Image:
     ValueError
         An empty file, one that is not such an image or is cut short, no such frame, or an image of more megapixels than
         the current limit (50 unless set otherwise). The limit is checked on the header, before any pixel is decoded.
+    OSError
+        A path that cannot be opened.
 
     Examples
     --------

@@ -69,6 +69,8 @@ def read_signal(source: Source, *, track: int | str = 1) -> Recording:
         is not a number (with its line and column), or times that go back; fewer than 2 samples, more in total than the
         current limit (320 million unless set otherwise, an hour of two channels) or than fit into the memory of one
         job, or more than 64 channels.
+    OSError
+        A path that cannot be opened.
 
     Examples
     --------

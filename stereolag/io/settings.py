@@ -36,6 +36,8 @@ def read_matcher(source: Source) -> StereoMatcher:
     ------
     ValueError
         An empty file, one that is not such JSON, an unknown method, or a setting that is unknown or out of bounds.
+    OSError
+        A path that cannot be opened.
 
     Examples
     --------

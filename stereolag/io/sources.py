@@ -47,7 +47,7 @@ def read_bytes(source: Source, what: str) -> bytes:
         A path that cannot be opened.
     """
     if not (isinstance(source, str | PathLike | bytes | bytearray | memoryview) or hasattr(source, "read")):
-        raise ValueError(f"A {what} is read from a path, bytes or a binary file, not from {type(source).__name__}.")
+        raise ValueError(f"The {what} is read from a path, bytes or a binary file, not from {type(source).__name__}.")
     data = beginning(source, MAX_BYTES + 1)
     if not isinstance(data, bytes):
         raise ValueError(f"The {what} was opened as text; open it in binary mode.")

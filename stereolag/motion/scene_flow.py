@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import DoubleMap, FloatMap, Mask
-from stereolag.core.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level
+from stereolag.core.inputs import Image, as_eight_bit, as_grey, as_image_pair, check_positive, grey_level
 from stereolag.geometry.calibration import Calibration
 from stereolag.motion.flow import FlowMap
 from stereolag.motion.moving_objects import (
@@ -149,8 +149,8 @@ def scene_flow(
     (36.0, ())
     """
     settings = test or MovingTest()
-    if frame_rate is not None and not frame_rate > 0:
-        raise ValueError(f"frame_rate is {frame_rate}; it must be above 0.")
+    if frame_rate is not None:
+        check_positive(frame_rate, "frame_rate", "Hz")
     disparity, disparity_after = (measured(one) for one in (first, second))
     dy, dx = (
         (np.where(flow.filled, np.float32(np.nan), part) for part in (flow.dy, flow.dx))

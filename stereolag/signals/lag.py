@@ -387,7 +387,8 @@ def signal_lag(
     seed
         Seed of the random samples for "sampled"; None draws new ones each time.
     progress
-        Called with the fraction done, 0..1, including the judgement.
+        Called with the fraction done, 0..1, including the judgement. Where recordings are processed as a whole, not
+        before their correlation is done: about a second for 2 million samples.
 
     Raises
     ------

@@ -7,6 +7,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from numbers import Integral
 from typing import NamedTuple, get_args
 
 import numpy as np
@@ -268,8 +269,8 @@ def match_template(
 def _check_options(method: str, max_matches: int, min_score: float) -> None:
     if method not in get_args(TemplateMethod):
         raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, get_args(TemplateMethod)))}.")
-    if max_matches < 1:
-        raise ValueError(f"max_matches is {max_matches}; it must be 1 or more.")
+    if not isinstance(max_matches, Integral) or max_matches < 1:
+        raise ValueError(f"max_matches is {max_matches}; allowed are whole numbers from 1.")
     if not -1 <= min_score <= 1:
         raise ValueError(f"min_score is {min_score}; a correlation coefficient lies between -1 and 1.")
 

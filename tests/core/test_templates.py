@@ -173,7 +173,8 @@ def test_a_progress_that_raises_cancels_the_search(method: TemplateMethod) -> No
         ({"image": np.full((30, 40), np.inf)}, r"image holds 1200 NaN or infinite"),
         ({"template": np.zeros((0, 6))}, r"template has shape \(0, 6\)"),
         ({"method": "magic"}, r"method is 'magic'; allowed are 'fft', 'sampled', 'direct'"),
-        ({"max_matches": 0}, r"max_matches is 0; it must be 1 or more"),
+        ({"max_matches": 0}, r"max_matches is 0; allowed are whole numbers from 1"),
+        ({"max_matches": float("inf")}, r"max_matches is inf; allowed are whole numbers from 1"),
         ({"min_score": 1.5}, r"min_score is 1.5; .* between -1 and 1"),
         ({"min_score": float("nan")}, r"min_score is nan"),
         (
