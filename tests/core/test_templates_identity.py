@@ -348,6 +348,16 @@ def test_a_template_cut_off_by_any_border_is_found_where_it_would_be(inside: Any
     )
 
 
+def test_an_icon_cut_off_is_found_among_siblings_that_fit_as_well_but_for_their_marks() -> None:
+    others = [icon(other) for other in MARKS if other != "minus"]
+    icons = [icon("minus") if number == 3 else others[number % 4] for number in range(24)]
+    rows = [
+        np.hstack([np.pad(one, ((4, 4), (9, 9), (0, 0)), "edge") for one in icons[at : at + 8]]) for at in (0, 8, 16)
+    ]
+    search = match_template(np.vstack(rows)[14:], icon("minus"))
+    assert search.found and place(search) == (-10, 159)
+
+
 CHANGES: dict[str, Callable[[Array], Array]] = {
     "16 bits": lambda picture: picture.astype(np.uint16) * 200 + 300,
     "floats": lambda picture: picture.astype(np.float32) / 255 - 3,
