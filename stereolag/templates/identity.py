@@ -18,7 +18,7 @@ import numpy.typing as npt
 from stereolag.core.arrays import Mask, median, percentiles
 from stereolag.core.inputs import Image
 from stereolag.templates.aligning import Plane, gradient
-from stereolag.templates.drawn_over import drawn_over, has_outline, is_gone, touches_rim, without_gaps
+from stereolag.templates.drawn_over import drawn_over, has_outline, has_same_ink, is_gone, touches_rim, without_gaps
 from stereolag.templates.fits import (
     MIN_BLOCK_DIFFERENCE,
     MIN_JUDGED_SHARE,
@@ -360,12 +360,6 @@ MAX_SORTED_DIFFERENCE = 0.1
 Measured: up to 0.02 where a part moved, from 0.2 under an occluder.
 """
 
-MAX_INK_CHANGE = 0.03
-"""Largest change of ground and ink at another mark in the same ink, as a share of the distance between the two.
-
-Measured: up to 0.007 at other bars of a code and other mouths, from 0.07 where a tip or a picture is in front of words.
-"""
-
 MIN_EXPLAINED_BESIDE = 0.985
 """Least share of the variance explained beside an occluder that crosses the template's rim, unless there is grain.
 
@@ -471,27 +465,14 @@ def _is_in_another_state(fit: Fit, disagrees: npt.NDArray[np.bool_], differ: Mas
     core = differ & (squares > 0.1 * float(percentiles(squares[differ], NOISE_PERCENTILE)[0]))
     if any(has_outline(fit.template, _largest_hull(part)) for part in (differ, core)) or is_gone(*fit.sharp, differ):
         return True
-    predicted, observed = (plane[differ] for plane in fit.sharp)
+    drawn, seen = fit.sharp
+    predicted, observed = drawn[differ], seen[differ]
     sorted_difference = np.abs(np.sort(predicted, axis=0) - np.sort(observed, axis=0)).mean()
     if sorted_difference <= MAX_SORTED_DIFFERENCE * np.abs(predicted - observed).mean():
         return True
     where = fit.pixels_of(disagrees) & fit.judged
-    return _has_same_ink(*(plane[where] for plane in fit.sharp))
-
-
-def _has_same_ink(predicted: Plane, observed: Plane) -> bool:
-    """Return whether predicted and observed pixels are of one ground and one ink, the same in both."""
-    ground = np.array([median(channel) for channel in predicted.T])
-    distance = np.linalg.norm(predicted - ground, axis=1)
-    ink = predicted[distance >= percentiles(distance, 97)[0]].mean(axis=0)
-    step = float(np.linalg.norm(ink - ground))
-    colours = []
-    for pixels in (predicted, observed):
-        at_ground, at_ink = (np.linalg.norm(pixels - colour, axis=1) <= step / 4 for colour in (ground, ink))
-        if (at_ground | at_ink).mean() < 0.8 or not (at_ground.any() and at_ink.any()):
-            return False
-        colours.append([np.median(pixels[where], axis=0) for where in (at_ground, at_ink)])
-    return bool(np.linalg.norm(np.diff(colours, axis=0), axis=2).max() <= MAX_INK_CHANGE * step)
+    # Where much differs, the light cannot be fitted.
+    return any(has_same_ink(plane[where], seen[where]) for plane in (drawn, fit.soft_template))
 
 
 def _largest_hull(differ: Mask) -> Mask:

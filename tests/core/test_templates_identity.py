@@ -218,7 +218,18 @@ def choice(other: bool) -> Array:
     return np.asarray(cv2.resize(fine[::-1], (55, 31), interpolation=cv2.INTER_AREA))
 
 
-@pytest.mark.parametrize("drawn", [faint_word, bars_of_a_code, round_spot, battery, choice])
+def large_icon(other: bool) -> Array:
+    fine = np.full((86 * FINER, 86 * FINER, 3), (28, 26, 30), np.uint8)
+    cv2.rectangle(fine, (3 * FINER, 3 * FINER), (83 * FINER, 83 * FINER), (255,) * 3, 2 * FINER)
+    if other:
+        cv2.circle(fine, (43 * FINER, 43 * FINER), 15 * FINER, (255,) * 3, -1)
+    else:
+        flag = np.array([(31, 60), (31, 28), (56, 28), (56, 44), (31, 44)]) * FINER
+        cv2.polylines(fine, [flag], False, (255,) * 3, 2 * FINER)
+    return np.asarray(cv2.resize(fine, (86, 86), interpolation=cv2.INTER_AREA))
+
+
+@pytest.mark.parametrize("drawn", [faint_word, bars_of_a_code, round_spot, battery, choice, large_icon])
 @pytest.mark.parametrize("other", [False, True])
 def test_what_differs_in_a_faint_part_or_in_a_mark_of_the_same_ink_is_a_sibling(
     drawn: Callable[[bool], Array], other: bool
