@@ -286,9 +286,8 @@ def _is_badge(region: Mask, image: Image, row: int, col: int, noise: float) -> b
     top, left = max(0, int(rows.min()) - most), max(0, int(cols.min()) - most)
     around = image[top : int(rows.max()) + most, left : int(cols.max()) + most]
     own = rows - top, cols - left
-    colour = [median(channel) for channel in around[own].T]
-    distance = np.abs(around - np.asarray(colour, dtype=np.float32)).max(axis=2)
-    has_colour = np.asarray(distance <= noise, dtype=np.uint8)
+    colour = np.array([median(channel) for channel in around[own].T], dtype=np.float32)
+    has_colour = np.asarray(np.abs(around - colour).max(axis=2) <= noise, dtype=np.uint8)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(has_colour)
     inside = labels[own][has_colour[own] > 0]
     if not inside.size:
@@ -355,10 +354,10 @@ def _is_shadow(differ: Mask, template: Plane, observed: Plane) -> bool:
         or np.ptp(share[where]) < 0.05  # it does not fade
     ):
         return False
-    steps = [
-        np.abs(np.diff(share, axis=axis))[where[1:] & where[:-1] if axis == 0 else where[:, 1:] & where[:, :-1]]
-        for axis in (0, 1)
-    ]
     # A blur of 1.5 px or more makes steps of up to 0.27 of the depth.
     most = max(0.08, 0.3 * float(1 - share[where].min()))
-    return all(not step.size or float(np.mean(step <= most)) >= MIN_IN_OUTLINE for step in steps)
+    even = [
+        np.abs(np.diff(share, axis=axis))[where[1:] & where[:-1] if axis == 0 else where[:, 1:] & where[:, :-1]] <= most
+        for axis in (0, 1)
+    ]
+    return all(not steps.size or float(steps.mean()) >= MIN_IN_OUTLINE for steps in even)
