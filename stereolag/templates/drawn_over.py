@@ -189,11 +189,15 @@ def has_same_ink(predicted: Plane, observed: Plane) -> bool:
     ]
     if any(np.any(ends, axis=0).mean() < 0.8 or not all(map(np.any, ends)) for ends in near):
         return False
-    changes = [
-        float(np.linalg.norm(np.median(predicted[own], axis=0) - np.median(observed[shown], axis=0)))
+    # There is less of the ink.
+    (_, ink_change), (_, ground_change) = sorted(
+        (
+            own.sum() + shown.sum(),
+            np.linalg.norm(np.median(predicted[own], axis=0) - np.median(observed[shown], axis=0)),
+        )
         for own, shown in zip(*near, strict=True)
-    ]
-    return min(changes) <= MAX_GROUND_CHANGE * step and max(changes) <= MAX_INK_CHANGE * step
+    )
+    return bool(ground_change <= MAX_GROUND_CHANGE * step and ink_change <= MAX_INK_CHANGE * step)
 
 
 def without_gaps(differ: Mask) -> npt.NDArray[np.uint8]:
