@@ -244,7 +244,7 @@ class Fit:
         self._flat_weights, robust_weights = self._flat(self.weights), robust_weights * self._flat(inner)
         blur = Blur(self.weights)
         # The template's own rim is blurred into the rest.
-        self._set_template(blur(self._as_soft_as_patch()), self._blur_variance)
+        self._set_template(blur(self.soft_template), self._blur_variance)
         self.observed = blur(patch.warped(self.motion))
         self._colour_map = self._fitted_colour_map(robust_weights)
         self.predicted = self._rendered(self.template)
@@ -421,9 +421,11 @@ class Fit:
     @property
     def sharp(self) -> tuple[Plane, Plane]:
         """The prediction and the image at the place, neither blurred for the comparison."""
-        return self._rendered(self._as_soft_as_patch()), self._sharp_patch
+        return self._rendered(self.soft_template), self._sharp_patch
 
-    def _as_soft_as_patch(self) -> Plane:
+    @property
+    def soft_template(self) -> Plane:
+        """The template minus its mean, as blurred as the image at the place, but in its own light."""
         if self._blur_variance <= MIN_BLUR_CHANGE:
             return self._deviations
         return Blur(self._weights_in_image).by(self._deviations, math.sqrt(self._blur_variance))

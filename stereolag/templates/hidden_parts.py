@@ -257,6 +257,13 @@ def _candidates(image: Image, pattern: Pattern, progress: Progress) -> list[tupl
     except ValueError:
         return []
     scores = fft_score_map(np.atleast_3d(padded), small, lambda done: progress(0.4 * done))
+    # Outside the image, nothing correlates: a template half of which is there scores the root of a half at most.
+    corners = np.ogrid[-down : scores.shape[0] - down, -right : scores.shape[1] - right]
+    shares = (
+        (np.minimum(at + side, length) - np.maximum(at, 0)) / side
+        for at, side, length in zip(corners, small.shape, image.shape, strict=False)
+    )
+    scores /= np.sqrt(np.maximum(math.prod(shares), 0.5))
     found = peaks(scores, pattern.shape)
     return [found.moved(-down, -right).corner(place) for place in found.best(MAX_CANDIDATES, share=0.5)]
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from stereolag.core.arrays import Mask, median, percentiles
 from stereolag.core.inputs import Image
 from stereolag.templates.aligning import Plane, gradient
-from stereolag.templates.drawn_over import drawn_over, has_outline, is_gone, touches_rim, without_gaps
+from stereolag.templates.drawn_over import drawn_over, has_outline, has_same_ink, is_gone, touches_rim, without_gaps
 from stereolag.templates.fits import (
     MIN_BLOCK_DIFFERENCE,
     MIN_JUDGED_SHARE,
@@ -83,7 +83,11 @@ under noise of half its contrast.
 """
 
 MIN_EXPLAINED_TRANSLUCENT = 0.57
-"""The same for a template through which the background shows."""
+"""The same for a template through which an unknown background shows, as under a mask.
+
+If its alpha is known, and no background makes the place of it, as much is needed as of an opaque one: 0.67 to 0.88 is
+found where other sprites are, and other light or JPEG leave most soft ones with less.
+"""
 
 MIN_EXPLAINED_SMALL = 0.958
 """The same for an opaque template of fewer than :data:`SMALL_TEMPLATE_PIXELS`, a few blocks of which agree by chance.
@@ -166,7 +170,8 @@ def identity(
     """
     if pattern.silhouette:
         return _identity_of_silhouette(image, pattern, row, col)
-    if pattern.most_opaque and image.dtype.kind == "u":  # a sloping background moves the best score by a pixel
+    may_be_composite = pattern.most_opaque > 0 and image.dtype.kind == "u"
+    if may_be_composite:  # a sloping background moves the best score by a pixel
         for down, right in product((0, -1, 1), repeat=2):
             composite = _gain_over_background(image, pattern, row + down, col + right)
             if composite is not None:
@@ -181,6 +186,8 @@ def identity(
     visible = float(energies[agrees].sum() / max(energies.sum(), 1e-12))
     is_outside = not agrees[~disagrees].all()
     kind = _kind(fit, disagrees, energies, visible, is_outside=is_outside, refine_pose=refine_pose)
+    if not fit.is_opaque and fit.explained < (MIN_EXPLAINED if may_be_composite else MIN_EXPLAINED_TRANSLUCENT):
+        kind = "not_there"
     if (
         kind in ("differs", "not_there")
         and not refine_pose
@@ -198,8 +205,11 @@ def identity(
             shown = _rounded(kind, redrawn.contrast, redrawn.gain, redrawn.explained, np.ones_like(agrees))
             return replace(shown, redrawing=redrawn)
     shown = _rounded(kind, fit.contrast, fit.gain, fit.explained, agrees)
-    detail = fit.explained_detail if shown.is_template and fit.is_opaque else 1.0
-    return replace(shown, motion=tuple(map(float, fit.motion)), explained_detail=detail)
+    return replace(
+        shown,
+        motion=tuple(map(float, fit.motion)),
+        explained_detail=fit.explained_detail if shown.is_template and (fit.is_opaque or may_be_composite) else 1.0,
+    )
 
 
 def _identity_of_silhouette(image: Image, pattern: Pattern, row: int, col: int) -> Identity:
@@ -350,12 +360,6 @@ MAX_SORTED_DIFFERENCE = 0.1
 Measured: up to 0.02 where a part moved, from 0.2 under an occluder.
 """
 
-MAX_INK_CHANGE = 0.03
-"""Largest change of ground and ink at another mark in the same ink, as a share of the distance between the two.
-
-Measured: up to 0.007 at other bars of a code and other mouths, from 0.07 where a tip or a picture is in front of words.
-"""
-
 MIN_EXPLAINED_BESIDE = 0.985
 """Least share of the variance explained beside an occluder that crosses the template's rim, unless there is grain.
 
@@ -371,8 +375,6 @@ def _kind(
     fit: Fit, disagrees: npt.NDArray[np.bool_], energies: Plane, visible: float, *, is_outside: bool, refine_pose: bool
 ) -> Kind:
     """Return the kind of a place from the blocks that disagree and the share of the energy visible in all others."""
-    if not fit.is_opaque and fit.explained < MIN_EXPLAINED_TRANSLUCENT:
-        return "not_there"
     if disagrees.any():
         if fit.colour_change < MIN_COLOUR_CHANGE and (
             _is_occluded(fit, disagrees, energies)
@@ -463,27 +465,14 @@ def _is_in_another_state(fit: Fit, disagrees: npt.NDArray[np.bool_], differ: Mas
     core = differ & (squares > 0.1 * float(percentiles(squares[differ], NOISE_PERCENTILE)[0]))
     if any(has_outline(fit.template, _largest_hull(part)) for part in (differ, core)) or is_gone(*fit.sharp, differ):
         return True
-    predicted, observed = (plane[differ] for plane in fit.sharp)
+    drawn, seen = fit.sharp
+    predicted, observed = drawn[differ], seen[differ]
     sorted_difference = np.abs(np.sort(predicted, axis=0) - np.sort(observed, axis=0)).mean()
     if sorted_difference <= MAX_SORTED_DIFFERENCE * np.abs(predicted - observed).mean():
         return True
     where = fit.pixels_of(disagrees) & fit.judged
-    return _has_same_ink(*(plane[where] for plane in fit.sharp))
-
-
-def _has_same_ink(predicted: Plane, observed: Plane) -> bool:
-    """Return whether predicted and observed pixels are of one ground and one ink, the same in both."""
-    ground = np.array([median(channel) for channel in predicted.T])
-    distance = np.linalg.norm(predicted - ground, axis=1)
-    ink = predicted[distance >= percentiles(distance, 97)[0]].mean(axis=0)
-    step = float(np.linalg.norm(ink - ground))
-    colours = []
-    for pixels in (predicted, observed):
-        at_ground, at_ink = (np.linalg.norm(pixels - colour, axis=1) <= step / 4 for colour in (ground, ink))
-        if (at_ground | at_ink).mean() < 0.8 or not (at_ground.any() and at_ink.any()):
-            return False
-        colours.append([np.median(pixels[where], axis=0) for where in (at_ground, at_ink)])
-    return bool(np.linalg.norm(np.diff(colours, axis=0), axis=2).max() <= MAX_INK_CHANGE * step)
+    # Where much differs, the light cannot be fitted.
+    return any(has_same_ink(plane[where], seen[where]) for plane in (drawn, fit.soft_template))
 
 
 def _largest_hull(differ: Mask) -> Mask:

@@ -225,7 +225,10 @@ def judged(
     misses = 0
     for place in places.in_order(share=0.5, among=np.flatnonzero(places.scores >= min_score)):
         far_below = bool(copies) and places.scores[place] < places.scores[copies[0]] - MAX_BELOW_BEST
-        may_be_copy = misses < MAX_MISSES and not far_below and len(copies) <= max_matches + MAX_RIVALS
+        may_be_copy = (
+            # With hidden parts, siblings score as high: none of those few places is left out.
+            (misses < MAX_MISSES or otherwise is not None) and not far_below and len(copies) <= max_matches + MAX_RIVALS
+        )
         if not may_be_copy and len(kept) >= min(max_matches, len(copies) + MAX_RIVALS):
             break
         kept.append(place)
@@ -249,9 +252,8 @@ def judged(
     rivals = places.best(MAX_RIVALS, taken=found or best)
     if kept and rivals and places.scores[rivals[0]] >= places.scores[best[0]] - MAX_BELOW_BEST:
         compared.identity(rivals[0])
-    others = [place for place in kept if place not in found]
     return TemplateSearch(
-        matches=[compared.match(place) for place in (found + others)[:max_matches]],
+        matches=[compared.match(place) for place in list(dict.fromkeys(found + kept))[:max_matches]],
         score_map=score_map,
         candidates=candidates,
         elapsed_s=0.0,

@@ -213,7 +213,18 @@ def choice(other: bool) -> Array:
     return np.asarray(cv2.resize(fine[::-1], (55, 31), interpolation=cv2.INTER_AREA))
 
 
-@pytest.mark.parametrize("drawn", [faint_word, bars_of_a_code, round_spot, battery, choice])
+def large_icon(other: bool) -> Array:
+    fine = np.full((86 * FINER, 86 * FINER, 3), (28, 26, 30), np.uint8)
+    cv2.rectangle(fine, (3 * FINER, 3 * FINER), (83 * FINER, 83 * FINER), (255,) * 3, 2 * FINER)
+    if other:
+        cv2.circle(fine, (43 * FINER, 43 * FINER), 15 * FINER, (255,) * 3, -1)
+    else:
+        flag = np.array([(31, 60), (31, 28), (56, 28), (56, 44), (31, 44)]) * FINER
+        cv2.polylines(fine, [flag], False, (255,) * 3, 2 * FINER)
+    return np.asarray(cv2.resize(fine, (86, 86), interpolation=cv2.INTER_AREA))
+
+
+@pytest.mark.parametrize("drawn", [faint_word, bars_of_a_code, round_spot, battery, choice, large_icon])
 @pytest.mark.parametrize("other", [False, True])
 def test_what_differs_in_a_faint_part_or_in_a_mark_of_the_same_ink_is_a_sibling(drawn, other):
     template, seen = drawn(other), drawn(not other)
@@ -341,6 +352,16 @@ def test_a_template_cut_off_by_any_border_is_found_where_it_would_be(inside: Any
     )
 
 
+def test_an_icon_cut_off_is_found_among_siblings_that_fit_as_well_but_for_their_marks() -> None:
+    others = [icon(other) for other in MARKS if other != "minus"]
+    icons = [icon("minus") if number == 3 else others[number % 4] for number in range(24)]
+    rows = [
+        np.hstack([np.pad(one, ((4, 4), (9, 9), (0, 0)), "edge") for one in icons[at : at + 8]]) for at in (0, 8, 16)
+    ]
+    search = match_template(np.vstack(rows)[14:], icon("minus"))
+    assert search.found and place(search) == (-10, 159)
+
+
 CHANGES: dict[str, Callable[[Array], Array]] = {
     "16 bits": lambda picture: picture.astype(np.uint16) * 200 + 300,
     "floats": lambda picture: picture.astype(np.float32) / 255 - 3,
@@ -415,7 +436,7 @@ def selection(part: Array, random: np.random.Generator) -> None:
 def shadow(part: Array, random: np.random.Generator) -> None:
     away: Array = np.zeros(part.shape[:2], np.float32)
     away[9:41, 8:106] = random.uniform(0.3, 0.5)
-    away = np.asarray(cv2.GaussianBlur(away, (0, 0), float(random.uniform(2, 4))), np.float32)
+    away = np.asarray(cv2.GaussianBlur(away, (0, 0), float(random.uniform(1.5, 4))), np.float32)
     away[7:38, 7:104] = 0
     part[:] = np.rint(part * (1 - away[:, :, np.newaxis]))
 
@@ -432,7 +453,7 @@ def badge(part: Array, random: np.random.Generator) -> None:
 THINGS = (text_cursor, arrow, focus_ring, selection, shadow, scroll_bar, badge)
 
 
-@pytest.mark.parametrize(("seed", "thing"), [*enumerate(THINGS)])
+@pytest.mark.parametrize(("seed", "thing"), [*enumerate(THINGS, 6)])
 def test_a_word_is_found_with_a_thing_over_it_and_another_word_in_the_same_box_is_not(seed: int, thing: Thing) -> None:
     words = np.random.default_rng(seed).permutation(WORDS)[:2].tolist()
     same, other = (button(word) for word in words)

@@ -106,6 +106,16 @@ def test_a_shape_in_another_colour_is_not_the_template_and_half_transparent_it_i
         assert search.found and (search.matches[0].row, search.matches[0].col) == (60, 205)
 
 
+@pytest.mark.parametrize("seed", [6, 14])
+def test_another_soft_sprite_is_not_found_anywhere(seed: int) -> None:
+    sprite, other = (
+        np.dstack([photograph(number, 32, 32), 255 * np.clip(1 - distance(32), 0, 1) ** 0.7]).round().astype(np.uint8)
+        for number in (seed + 1, seed + 51)
+    )
+    row, col = map(int, np.random.default_rng(seed).integers(10, 150, 2))
+    assert not match_template(shown(photograph(seed), other, row, col), sprite).found
+
+
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("mark", [np.nan, -32768, 1e6, -np.finfo(np.float32).max])
 @pytest.mark.parametrize("masked", [False, True])
