@@ -32,6 +32,8 @@ def mp4() -> bytes:
         ("mjpeg", "avi", {}),
         ("wmv2", "asf", {}),
         ("huffyuv", "avi", {}),
+        ("libx264", "mpegts", {"bf": "2"}),
+        ("libx264", "flv", {}),
     ],
 )
 def test_any_frame_is_the_one_asked_for_by_seeking_as_in_turn(codec: str, kind: str, options: dict[str, str]) -> None:
