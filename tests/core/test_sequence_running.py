@@ -166,6 +166,8 @@ def test_other_settings_are_refused_and_may_begin_again(drive: StereoSequence, t
         run_sequence(drive, other, out)
     with pytest.raises(ValueError, match="made with other calibration"):
         run_sequence(drive, FAST, out, calibration=CALIBRATION)
+    with pytest.raises(ValueError, match="made with other pictures"):  # of as many, with the same names
+        run_sequence(replace(drive, reader=lambda number: drive.reader(5 - number)), FAST, out)
     assert contents(out) == before
     assert run_sequence(drive, other, out, again=True).matched == 6
     noted = json.loads((out / "sequence.json").read_text())
