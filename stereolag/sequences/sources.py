@@ -36,6 +36,10 @@ from stereolag.signals import signal_lag
 MAX_FRAMES_TRIED = 10
 """Largest number of frames tried to find one whose true disparity can be read."""
 
+MAX_SOUND_ERROR_S = 0.1
+"""Largest lag between the sounds of two videos that begin together, s: by EBU R37, that of a file may be 0.04 s early to
+0.06 s late."""
+
 MAX_ARCHIVED_FILES = 20_000
 """Largest number of files in an archive of frames."""
 
@@ -258,15 +262,17 @@ def _two_videos(left: VideoFile, right: VideoFile, frame_rate: float | None, gua
 def _late_s(left: VideoFile, right: VideoFile, guard: Guard) -> float:
     """Return the time from the first frame of the left video to that of the right one, s.
 
-    Two tracks of one file have its clock; of two files, the lag between their sounds tells it. 0 if that is not sure.
+    Two tracks of one file have its clock; of two files, the lag between their sounds tells it. 0 if that is not sure,
+    or so small that cameras with a shared trigger may record it.
     """
     late_s = right.start_s - left.start_s
     if left.source == right.source:
         return late_s
     with suppress(ValueError):  # no sound, or none that can be read
         found = signal_lag(*at_one_rate(*(guard(read_signal)(one.source).channel(1) for one in (left, right))))
-        if found.verdict == "sure":
-            return late_s - found.lag_subsample / found.sampling_rate
+        late_s -= found.lag_subsample / found.sampling_rate
+        if found.verdict == "sure" and abs(late_s) > MAX_SOUND_ERROR_S:
+            return late_s
     return 0.0
 
 

@@ -243,7 +243,8 @@ def test_videos_that_begin_seconds_apart_are_paired_by_their_sound() -> None:
         frames = [sequence.frame(number) for number in (0, 13)]
         assert [number_in(frame.left) for frame in frames] == [number_in(frame.right) for frame in frames] == [13, 26]
     assert len(sequence) == 14 and sequence.frame_rate == 10
-    for unlike in (clip(13, world[::-1].copy()), clip(2), video(pictures[13:38])):
+    # The last two are those of cameras that begin together, one of which records its sound 0.09 s late.
+    for unlike in (clip(13, world[::-1].copy()), clip(2), video(pictures[13:38]), clip(2, world[720:])):
         assert (open_sequence(early, unlike).notes, len(open_sequence(early, unlike))) == ((), 25)
 
 
