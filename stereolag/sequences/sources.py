@@ -37,8 +37,8 @@ MAX_FRAMES_TRIED = 10
 """Largest number of frames tried to find one whose true disparity can be read."""
 
 MAX_SOUND_ERROR_S = 0.1
-"""Largest lag between the sounds of two videos that begin together, s: by EBU R37, that of a file may be 0.04 s early to
-0.06 s late."""
+"""Largest lag between the sounds of two videos that begin together, s: by EBU R37, each may be 0.04 s early to 0.06 s
+late."""
 
 MAX_ARCHIVED_FILES = 20_000
 """Largest number of files in an archive of frames."""
@@ -405,7 +405,7 @@ def _open_one(
     both = video(source)
     if both.tracks == 2 and layout is None:
         return _two_videos(both, video(both.source, track=1), frame_rate, guard)
-    shown = (partial(both.frame, number) for number in sorted({0, len(both) // 2}))
+    shown = (partial(both.frame, number) for number in sorted({0, len(both) // 2, len(both) - 1}))
     found, crossed = (layout, False) if layout else _layout_of(shown) or (Layout.BESIDE, False)
     return StereoSequence(
         _numbered(len(both)),

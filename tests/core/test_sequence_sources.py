@@ -165,6 +165,10 @@ def test_a_folder_is_read_as_its_archive_is_and_pictures_may_hold_both_views(tmp
     for drive in drives:
         frame = pickle.loads(pickle.dumps(drive.reader(0)))()
         assert np.array_equal(frame.left, left) and np.array_equal(frame.right, right)
+    capped = open_sequence(
+        video([np.zeros((left.shape[0], 2 * left.shape[1], 3), np.uint8)] * 3 + [np.hstack([right, left])])
+    )
+    assert np.abs(capped.frame(3).left.astype(int) - left).mean() < 5, "by the last frame, as the first ones are black"
     assert open_sequence(tmp_path / "both", layout=Layout.OVER_UNDER).frame(0).left.shape[1] == 2 * left.shape[1]
 
 
