@@ -244,9 +244,9 @@ def _two_videos(left: VideoFile, right: VideoFile, frame_rate: float | None, gua
         raise ValueError(f"The videos show no moment both: the right one begins {late_s:+,.2f} s after the left one.")
     times_s = np.array([clocks[1][other] if one is None else clocks[0][one] for one, other in frames])
     clock = "the clock of their file" if left.source == right.source else "their sound"
-    when = f"{abs(late_s):.2f} s {'after' if late_s > 0 else 'before'} the left one"
     notes = {
-        f"By {clock}, the right video begins {when}: frames are paired accordingly.": is_late,
+        f"By {clock}, the right video begins {abs(late_s):.2f} s {'after' if late_s > 0 else 'before'} the left one: "
+        "frames are paired accordingly.": is_late,
         f"The videos have {rates[0]:.4g} and {rates[1]:.4g} frames a second. Each frame of the slower one is paired "
         f"with the nearest in time{'' if is_late else ', both counted from the beginning'}.": not same_rate(*rates),
     }
