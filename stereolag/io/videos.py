@@ -17,6 +17,7 @@ import av
 import numpy as np
 from av.audio.stream import AudioStream
 from av.container import InputContainer
+from av.sidedata.sidedata import SideData
 from av.stream import Disposition
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
@@ -102,7 +103,7 @@ class VideoFile:
         """Return a frame, (rows, cols) grey or (rows, cols, 3) RGB, uint8, by its number, from 0.
 
         Successive frames are decoded in sequence; for any other, decoding starts at the last keyframe before it.
-        A frame of a camera that was held upright or upside down is turned as the file says.
+        A frame of a camera that was held upright or upside down, or mirrored, is turned as the file says.
 
         Raises
         ------
@@ -116,7 +117,7 @@ class VideoFile:
             try:
                 frame = self._decode(number)
                 image = frame.to_ndarray(format="gray" if frame.format.name.startswith("gray") else "rgb24")
-                return np.ascontiguousarray(np.rot90(image, round(frame.rotation / 90)))
+                return _as_shown(image, frame.side_data.get("DISPLAYMATRIX"))
             except (av.FFmpegError, ValueError, EOFError) as error:
                 self._frames = None
                 raise ValueError(f"Frame {number} of the {WHAT} is damaged and cannot be decoded.") from error
@@ -243,6 +244,16 @@ class GuardedVideo(VideoFile):
         self._check(number)
         image: Image = self._guarded.ask(VideoFile.frame, number)
         return image
+
+
+def _as_shown(image: Image, display_matrix: SideData | None) -> Image:
+    """Return a frame turned and mirrored, by the matrix that takes (x, y) to where it is shown."""
+    if display_matrix is None:
+        return image
+    terms = np.frombuffer(display_matrix, np.int32, 5).astype(float)
+    x_to_x, x_to_y, _, y_to_x, y_to_y = np.rint(terms / max(1, np.abs(terms).max())).astype(int)
+    seen = image.swapaxes(0, 1) if x_to_y else image
+    return np.ascontiguousarray(seen[:: x_to_y or y_to_y, :: y_to_x or x_to_x])
 
 
 def _size(stream: VideoStream) -> tuple[int, int]:

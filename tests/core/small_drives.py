@@ -104,13 +104,14 @@ def video(
     options: dict[str, str] | None = None,
     pixels: str = "yuv420p",
     rotation: int = 0,
+    mirrored: bool = False,
     dropped: Sequence[int] = (),
     sound: npt.NDArray[np.int16] | None = None,
 ) -> bytes:
     """Return pictures as a video of one track or more, by default with bidirectionally predicted frames.
 
-    Players turn its frames by `rotation` degrees; frames that are None, or whose numbers are `dropped`, leave gaps in
-    time. Its sound has 8,000 samples a second.
+    Players turn its frames by `rotation` degrees, and then show them `mirrored`; frames that are None, or whose numbers
+    are `dropped`, leave gaps in time. Its sound has 8,000 samples a second.
     """
     stream = io.BytesIO()
     with av.open(stream, "w", format=kind) as container:
@@ -124,8 +125,8 @@ def video(
                 pixels,
             )
             track.codec_context.gop_size = every
-            if rotation:
-                track.set_display_rotation(rotation)
+            if rotation or mirrored:
+                track.set_display_rotation(rotation, hflip=mirrored)
         heard = None if sound is None else container.add_stream("pcm_s16le", rate=8000, layout="mono")
         for number in sorted({*range(len(tracks[0]))} - {*dropped}):
             for track, pictures in zip(written, tracks, strict=True):
