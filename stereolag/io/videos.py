@@ -17,7 +17,6 @@ import av
 import numpy as np
 from av.audio.stream import AudioStream
 from av.container import InputContainer
-from av.sidedata.sidedata import SideData
 from av.stream import Disposition
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
@@ -246,8 +245,8 @@ class GuardedVideo(VideoFile):
         return image
 
 
-def _as_shown(image: Image, display_matrix: SideData | None) -> Image:
-    """Return a frame turned and mirrored, by the matrix that takes (x, y) to where it is shown."""
+def _as_shown(image: Image, display_matrix: Any) -> Image:
+    """Return a frame turned and mirrored, by the matrix, if any, that takes (x, y) to where it is shown."""
     if display_matrix is None:
         return image
     terms = np.frombuffer(display_matrix, np.int32, 5).astype(float)

@@ -121,7 +121,7 @@ def partners_of_frames(times_s: Vector, others_s: Vector) -> list[tuple[int | No
         times_s, others_s = times_s / left, others_s / right
     if right > left and not same_rate(left, right):
         return [(other, number) for number, other in _while_both_run(partners_in_time(others_s, times_s))]
-    return _while_both_run(partners_in_time(times_s, others_s))
+    return [*_while_both_run(partners_in_time(times_s, others_s))]
 
 
 def same_rate(one: float, other: float) -> bool:
