@@ -241,7 +241,9 @@ def _two_videos(left: VideoFile, right: VideoFile, frame_rate: float | None, gua
     clocks = left.times_s, right.times_s + late_s * is_late
     frames = partners_of_frames(*clocks)
     if not frames:
-        raise ValueError(f"The videos show no moment both: the right one begins {late_s:+,.2f} s after the left one.")
+        raise ValueError(
+            f"The videos have no moment in common: the right one begins {late_s:+,.2f} s after the left one."
+        )
     times_s = np.array([clocks[1][other] if one is None else clocks[0][one] for one, other in frames])
     clock = "the clock of their file" if left.source == right.source else "their sound"
     notes = {

@@ -275,6 +275,8 @@ def test_two_tracks_of_one_video_are_both_views(tmp_path: Path) -> None:
     pictures = numbered(20)
     later = open_sequence(io.BytesIO(video(pictures[:12], [None] * 5 + pictures[5:12], kind="matroska")))
     assert [number_in(view) for view in later.frame(0)[:2]] == [5, 5] and len(later) == 7
+    with pytest.raises(ValueError, match=r"no moment in common: the right one begins \+0\.70 s after the left one"):
+        open_sequence(video([*pictures[:5], *[None] * 7], [None] * 7 + pictures[7:12], kind="matroska"))
     path = tmp_path / "both.avi"
     path.write_bytes(video(pictures[:12], pictures[8:], codec="mjpeg", kind="avi", pixels="yuvj420p"))
     for source in (path, path.read_bytes()):
