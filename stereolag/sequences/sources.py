@@ -352,7 +352,8 @@ def open_sequence(
     StereoSequence
         Pictures with the same name are paired; otherwise those whose names have the same number, or nearly the same
         time; otherwise all in the order of their names. Frames of two videos, or of the two tracks of one, are paired
-        by their times. A left picture without a right one counts as a damaged frame.
+        by their times; two videos count from their beginnings, unless the lag of their sounds is sure and above 0.1 s.
+        A left picture without a right one counts as a damaged frame.
 
     Raises
     ------
