@@ -8,7 +8,7 @@ from bisect import bisect_right
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import cached_property, lru_cache
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -28,10 +28,10 @@ from stereolag.io.formats import sound_format
 from stereolag.io.guard import GuardedObject
 from stereolag.io.sources import Source, beginning, check_pixels, quote, read_bytes
 
-ACCEPTED = "MP4, MOV, MKV, WebM, AVI and WMV"
+ACCEPTED = "MP4, MOV, MKV, WebM, AVI, WMV, FLV and MPEG-TS"
 WHAT = "video"
 DAMAGED = f"The {WHAT} is damaged or cut short; accepted are whole files of {ACCEPTED}."
-VIDEO_SUFFIXES = frozenset(["mp4", "m4v", "mov", "3gp", "mkv", "webm", "avi", "wmv", "asf"])
+VIDEO_SUFFIXES = frozenset(["mp4", "m4v", "mov", "3gp", "mkv", "webm", "avi", "wmv", "asf", "flv", "ts", "mts", "m2ts"])
 
 CAMERA_CODECS = ["h264", "hevc", "av1", "libdav1d", "vp8", "vp9", "mpeg4", "mjpeg", "ffv1", "png", "rawvideo", "h263"]
 EDITOR_CODECS = ["prores", "cfhd", "dvvideo", "huffyuv", "ffvhuff", "msmpeg4v2", "msmpeg4", "wmv1", "wmv2", "wmv3"]
@@ -47,7 +47,7 @@ MIN_RATE_HZ, MAX_RATE_HZ = 0.01, 1000
 GAP_RATIO = 1.5
 """Intervals between frames that are this many times as long as usual are gaps: frames were dropped."""
 
-_DEMUXERS = ("mov", "matroska", "avi", "asf")
+_DEMUXERS = ("mov", "matroska", "avi", "asf", "flv", "mpegts")
 _MAX_LATER_FRAMES = 64
 """Later frames that are decoded before a missing frame counts as damaged."""
 
@@ -65,9 +65,10 @@ class VideoFile:
     """
 
     def __init__(self, source: Source, track: int = 0) -> None:
-        self._source: Path | bytes = (
+        self.source: Path | bytes = (
             Path(source).resolve() if isinstance(source, str | PathLike) else read_bytes(source, WHAT)
         )
+        """The resolved path of the file, or its bytes."""
         self._track = track
         self._lock = threading.Lock()
         self._next = -1
@@ -75,9 +76,13 @@ class VideoFile:
         stream = self._stream
         self.tracks = len(self._streams)
         """Number of tracks with pictures of one size, from the first on."""
-        self._frame_times, self._keyframe_times = self._index()
+        self._frame_times, self._keyframes = self._index()
         self.times_s = (np.array(self._frame_times) - self._frame_times[0]) * float(stream.time_base or 1)
         """Times at which the frames are shown, s after the first."""
+        self.start_s = float(
+            self._frame_times[0] * (stream.time_base or 1) - (self._container.start_time or 0) / av.time_base
+        )
+        """Time of the first frame, s after the file begins: its sound, or another track, may begin earlier."""
         interval = usual_interval(self.times_s)
         # The mean rate of the stream is rounder, but dropped frames lower it.
         gaps = interval is not None and (np.diff(self.times_s) > GAP_RATIO * interval).any()
@@ -86,8 +91,8 @@ class VideoFile:
         """Hz; gaps where frames were dropped do not count."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        opened = _open_once if isinstance(self._source, Path) else type(self)
-        return opened, (self._source, self._track)
+        opened = _open_once if isinstance(self.source, Path) else type(self)
+        return opened, (self.source, self._track)
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -97,7 +102,7 @@ class VideoFile:
         """Return a frame, (rows, cols) grey or (rows, cols, 3) RGB, uint8, by its number, from 0.
 
         Successive frames are decoded in sequence; for any other, decoding starts at the last keyframe before it.
-        A frame of a camera that was held upright or upside down is turned as the file says.
+        A frame of a camera that was held upright or upside down, or mirrored, is turned as the file says.
 
         Raises
         ------
@@ -111,7 +116,7 @@ class VideoFile:
             try:
                 frame = self._decode(number)
                 image = frame.to_ndarray(format="gray" if frame.format.name.startswith("gray") else "rgb24")
-                return np.ascontiguousarray(np.rot90(image, round(frame.rotation / 90)))
+                return _as_shown(image, frame.side_data.get("DISPLAYMATRIX"))
             except (av.FFmpegError, ValueError, EOFError) as error:
                 self._frames = None
                 raise ValueError(f"Frame {number} of the {WHAT} is damaged and cannot be decoded.") from error
@@ -122,13 +127,13 @@ class VideoFile:
 
     @cached_property
     def _container(self) -> InputContainer:
-        form = sound_format(beginning(self._source))
+        form = sound_format(beginning(self.source))
         # Never let FFmpeg guess: some formats it knows are lists of addresses that it would fetch.
         if form is None or form.demuxer not in _DEMUXERS:
             raise ValueError(
                 f"This is not a {WHAT} that can be read, or its beginning is damaged; accepted are {ACCEPTED}."
             )
-        file = str(self._source) if isinstance(self._source, Path) else io.BytesIO(self._source)
+        file = str(self.source) if isinstance(self.source, Path) else io.BytesIO(self.source)
         try:
             return av.open(
                 file, "r", format=form.demuxer, options={"protocol_whitelist": "file"}, metadata_errors="replace"
@@ -159,11 +164,13 @@ class VideoFile:
         context.thread_count = 1  # leaves the cores to the matching
         return stream
 
-    def _index(self) -> tuple[list[int], list[int]]:
-        """Return the sorted times of all frames, and those of keyframes, in units of the stream."""
+    def _index(self) -> tuple[list[int], list[tuple[int, int]]]:
+        """Return the sorted times of all frames, and of keyframes with the times to seek, in units of the stream."""
         max_frames, max_s = limits().max_frames, limits().max_video_s
         times: list[int] = []
-        keyframe_times: list[int] = []
+        keyframes: list[tuple[int, int]] = []
+        # An MPEG transport stream has no index: FFmpeg looks for the times at which frames are decoded.
+        is_searched = self._container.format.name == "mpegts"
         with suppress(av.FFmpegError):  # of the end of a file cut short
             for packet in self._container.demux(self._stream):
                 if packet.size == 0 or packet.is_discard:
@@ -173,21 +180,21 @@ class VideoFile:
                     raise ValueError(f"The {WHAT} does not say when its frames are shown; save it as MP4.")
                 times.append(time)
                 if packet.is_keyframe:
-                    keyframe_times.append(time)
+                    keyframes.append((time, packet.dts if is_searched and packet.dts is not None else time))
                 if len(times) > max_frames:
                     raise ValueError(f"The {WHAT} holds more than {max_frames:,} frames, the most that is accepted.")
-        if not keyframe_times:
+        if not keyframes:
             raise ValueError(DAMAGED)
         seconds = (max(times) - min(times)) * float(self._stream.time_base or 0)
         if seconds > max_s:
             raise ValueError(f"The {WHAT} is {seconds:,.0f} s long; at most {max_s:,} s are accepted.")
-        return sorted(set(times)), sorted(keyframe_times)
+        return sorted(set(times)), sorted(keyframes)
 
     def _decode(self, number: int) -> VideoFrame:
         wanted = self._frame_times[number]
         if self._frames is None or number != self._next:
-            place = bisect_right(self._keyframe_times, wanted) - 1
-            self._container.seek(self._keyframe_times[max(place, 0)], stream=self._stream, backward=True)
+            place = bisect_right(self._keyframes, wanted, key=itemgetter(0)) - 1
+            self._container.seek(self._keyframes[max(place, 0)][1], stream=self._stream, backward=True)
             self._stream.codec_context.flush_buffers()
             self._frames = decoded_frames(self._container, self._stream, faults=[])
         later_frames = 0
@@ -225,15 +232,27 @@ class GuardedVideo(VideoFile):
     """An untrusted video, which a worker of the guard opens and decodes; otherwise as :class:`VideoFile`."""
 
     def __init__(self, source: Source, track: int = 0) -> None:
-        self._source, self._track = read_bytes(source, WHAT), track
-        self._guarded = GuardedObject(VideoFile, self._source, track)
-        self.times_s, self.tracks, self.frame_rate = self._guarded.ask(attrgetter("times_s", "tracks", "frame_rate"))
+        self.source, self._track = read_bytes(source, WHAT), track
+        self._guarded = GuardedObject(VideoFile, self.source, track)
+        self.times_s, self.start_s, self.tracks, self.frame_rate = self._guarded.ask(
+            attrgetter("times_s", "start_s", "tracks", "frame_rate")
+        )
 
     def frame(self, number: int) -> Image:
         """Return a frame."""
         self._check(number)
         image: Image = self._guarded.ask(VideoFile.frame, number)
         return image
+
+
+def _as_shown(image: Image, display_matrix: Any) -> Image:
+    """Return a frame turned and mirrored, by the matrix, if any, that takes (x, y) to where it is shown."""
+    if display_matrix is None:
+        return image
+    terms = np.frombuffer(display_matrix, np.int32, 5).astype(float)
+    x_to_x, x_to_y, _, y_to_x, y_to_y = np.rint(terms / max(1, np.abs(terms).max())).astype(int)
+    seen = image.swapaxes(0, 1) if x_to_y else image
+    return np.ascontiguousarray(seen[:: x_to_y or y_to_y, :: y_to_x or x_to_x])
 
 
 def _size(stream: VideoStream) -> tuple[int, int]:

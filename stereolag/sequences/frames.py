@@ -504,7 +504,9 @@ class SequenceFolder(SequenceTarget):
             return None
         try:
             recorded = json.loads(manifest.read_text(encoding="utf-8"))
-            differing = [name for name, value in self._document.items() if recorded["made_of"].get(name) != value]
+            differing = [
+                name for name, value in self._document.items() if recorded["made_of"].get(name, value) != value
+            ]
             colours = recorded["colours"]
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise ValueError(f"{manifest} is damaged; begin again, or choose another folder.") from error
@@ -550,6 +552,8 @@ def _document(sequence: StereoSequence, task: FrameTask) -> dict[str, Any]:
     frames = {"count": len(sequence), "names": names, "rate": sequence.frame_rate} | (
         {"turned": sequence.turn} if sequence.turn else {}
     )
+    first = sequence.first_readable(1)
+    # The frames of every video are named by their numbers: the first pictures tell one from another.
     document = {
         "version": VERSION,
         "settings": {name: settings_document(matcher) for name, matcher in task.matchers.items()},
@@ -557,6 +561,8 @@ def _document(sequence: StereoSequence, task: FrameTask) -> dict[str, Any]:
         "format": task.suffix,
         "calibration": None if task.calibration is None else asdict(task.calibration) | {"rig": None},
         "steadiness": None if task.steadiness is None else task.steadiness.model_dump(mode="json"),
-    }
+    } | (
+        {} if first is None else {"pictures": hashlib.sha256(first.left.tobytes() + first.right.tobytes()).hexdigest()}
+    )
     normalised: dict[str, Any] = json.loads(json.dumps(document))
     return normalised

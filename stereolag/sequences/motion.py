@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -398,6 +399,7 @@ class MotionDetector:
         scene: SceneFlow | None = None
         problem: FlowVerdict | Doubt = "" if flow.verdict == "related" else flow.verdict
         if not problem and self._calibration is not None and disparity is not None and disparity_before is not None:
+            rate = self.settings.frame_rate or self._sequence.frame_rate
             try:
                 scene = scene_flow(
                     disparity,
@@ -405,7 +407,7 @@ class MotionDetector:
                     flow,
                     self._calibration,
                     frames=(now.left, before.left),
-                    frame_rate=self.settings.frame_rate or self._sequence.frame_rate,
+                    frame_rate=rate / self._sequence.intervals_before(number),
                 )
                 problem = scene.doubt
             except ValueError:
@@ -419,12 +421,10 @@ class MotionDetector:
         numbers = np.unique(np.linspace(1, max(1, len(self._sequence) - 1), SAMPLED_FRAMES).round().astype(int))
         flows = []
         for number in numbers[numbers < len(self._sequence)]:
-            try:
+            with suppress(ValueError, OSError):
                 now, before = (self._sequence.frame(int(one)).left for one in (number, number - 1))
                 flow = optical_flow(now, before, progress=progress)
-            except (ValueError, OSError):
-                continue
-            flows.append((flow.dy, flow.dx))
+                flows.append((flow.dy, flow.dx))
         self.largest = largest_motion(*flows) if flows else 1.0
 
     def pictures(self, left: Image, motion: FrameMotion | None) -> tuple[Rgb, Rgb]:

@@ -10,7 +10,7 @@ from pathlib import PurePath
 import numpy as np
 
 from stereolag.core.arrays import Indices, Vector
-from stereolag.io.videos import MAX_RATE_HZ, MIN_RATE_HZ, usual_interval
+from stereolag.io.videos import DEFAULT_RATE_HZ, MAX_RATE_HZ, MIN_RATE_HZ, usual_interval
 
 SAME_RATE = 0.01
 """Relative difference up to which the frame rates of two videos with as many frames are taken for one."""
@@ -76,14 +76,17 @@ def _numbers_in(names: Sequence[str]) -> list[int]:
     return numbers if all(one < other for one, other in pairwise(numbers)) else []
 
 
-def frame_rate_in_names(names: Sequence[str]) -> float | None:
-    """Return the frame rate of pictures that are named by Unix times, Hz; None if they are not."""
+def clock_in_names(names: Sequence[str]) -> tuple[float, Vector | None]:
+    """Return the frame rate of pictures named by Unix times, Hz, and their times after the first in its intervals.
+
+    Of other pictures, the default rate and None.
+    """
     found = [UNIX_TIME.search(PurePath(name).stem) for name in names]
     times = np.array([float(f"{time[1]}.{time[2]}") for time in found if time is not None])
-    if len(times) < max(2, len(names)):
-        return None
-    interval = float(np.median(np.diff(times)))
-    return 1 / interval if MIN_RATE_HZ <= 1 / max(interval, 1e-9) <= MAX_RATE_HZ else None
+    interval = float(np.median(np.diff(times))) if len(times) == len(names) > 1 else 0.0
+    if not MIN_RATE_HZ <= 1 / max(interval, 1e-9) <= MAX_RATE_HZ:
+        return DEFAULT_RATE_HZ, None
+    return 1 / interval, (times - times[0]) / interval
 
 
 def partners_in_time(times: Vector, others: Vector) -> list[int | None]:
@@ -109,16 +112,16 @@ def _nearest(times: Vector, others: Vector) -> Indices:
 def partners_of_frames(times_s: Vector, others_s: Vector) -> list[tuple[int | None, int | None]]:
     """Return the numbers of the frames of two videos that belong together, an entry for each frame of the slower one.
 
-    Each video counts its time from its first frame. Files of cameras with a shared trigger may state slightly different
-    rates: of as many frames, at rates that differ by less than 1 %, the times are divided by the usual intervals.
-    Entries end with the shorter video.
+    Files of cameras with a shared trigger may state slightly different rates: of as many frames, from the same time on
+    and at rates that differ by less than 1 %, the times are divided by the usual intervals. Entries begin with the
+    later video, and end with the one that ends first.
     """
     left, right = (usual_interval(times) or 1.0 for times in (times_s, others_s))
-    if same_rate(left, right) and len(times_s) == len(others_s):
+    if same_rate(left, right) and len(times_s) == len(others_s) and times_s[0] == others_s[0]:
         times_s, others_s = times_s / left, others_s / right
     if right > left and not same_rate(left, right):
-        return [(other, number) for number, other in _until_the_last(partners_in_time(others_s, times_s))]
-    return [*_until_the_last(partners_in_time(times_s, others_s))]
+        return [(other, number) for number, other in _while_both_run(partners_in_time(others_s, times_s))]
+    return [*_while_both_run(partners_in_time(times_s, others_s))]
 
 
 def same_rate(one: float, other: float) -> bool:
@@ -126,6 +129,6 @@ def same_rate(one: float, other: float) -> bool:
     return abs(one - other) <= SAME_RATE * max(one, other)
 
 
-def _until_the_last(partners: Sequence[int | None]) -> list[tuple[int, int | None]]:
-    last = max((number for number, other in enumerate(partners) if other is not None), default=-1)
-    return [*enumerate(partners)][: last + 1]
+def _while_both_run(partners: Sequence[int | None]) -> list[tuple[int, int | None]]:
+    known = [number for number, other in enumerate(partners) if other is not None] or [0, -1]
+    return [*enumerate(partners)][known[0] : known[-1] + 1]

@@ -480,8 +480,8 @@ class _Job:
 
     def _write(self, frame: MatchedFrame[FrameMap], motion: FrameMotion | None) -> None:
         """Write a frame and its records; of a finished one, those of its motion alone."""
-        name, time_s = self._sequence.names[frame.number], frame.number / self._sequence.frame_rate
-        record = partial(self._record, frame.number, name, time_s)
+        name = self._sequence.names[frame.number]
+        record = partial(self._record, frame.number, name, self._sequence.time_s(frame.number))
         motion_records = [] if motion is None else [record(MOTION, **motion.figures())]
         if frame.number in self._target.finished:
             self._target.add(motion_records)

@@ -15,23 +15,30 @@ import numpy as np
 
 from stereolag.assess.findings import Finding
 from stereolag.assess.layout import Layout, likely_layout, views
-from stereolag.core.arrays import FloatMap
+from stereolag.core.arrays import FloatMap, Vector
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import limits
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import rectify, turned
+from stereolag.io.clocks import at_one_rate
 from stereolag.io.disparities import DISPARITY_SUFFIXES, read_disparity, read_stored_disparity
 from stereolag.io.ground_truth import TruthFit, divisor_in_words, stored_truth_fit
 from stereolag.io.guard import Guard, guarded, unguarded
 from stereolag.io.images import IMAGE_SUFFIXES, read_image
 from stereolag.io.pairing import matched_pairs, natural_order, pictures_by_side, suffix_of, unpaired_left
+from stereolag.io.recordings import read_signal
 from stereolag.io.sources import Archive, Source, beginning, is_archive, read_archive
-from stereolag.io.videos import DEFAULT_RATE_HZ, MAX_RATE_HZ, MIN_RATE_HZ, VIDEO_SUFFIXES, GuardedVideo, VideoFile
+from stereolag.io.videos import GAP_RATIO, MAX_RATE_HZ, MIN_RATE_HZ, VIDEO_SUFFIXES, GuardedVideo, VideoFile
 from stereolag.samples import DriveExample
-from stereolag.sequences.partners import frame_rate_in_names, partners_by_name, partners_of_frames, same_rate
+from stereolag.sequences.partners import clock_in_names, partners_by_name, partners_of_frames, same_rate
+from stereolag.signals import signal_lag
 
 MAX_FRAMES_TRIED = 10
 """Largest number of frames tried to find one whose true disparity can be read."""
+
+MAX_SOUND_ERROR_S = 0.1
+"""Largest lag between the sounds of two videos that begin together, s: by EBU R37, each may be 0.04 s early to 0.06 s
+late."""
 
 MAX_ARCHIVED_FILES = 20_000
 """Largest number of files in an archive of frames."""
@@ -83,8 +90,9 @@ class StereoSequence:
     findings
         Problems that the input doctor finds with the frames, for their table.
     notes
-        Sentences about the frames: how videos of two rates are paired, how true disparities are read, or why these may
-        be wrong.
+        Sentences about the frames: how two videos are paired, how true disparities are read, or why these may be wrong.
+    intervals
+        Times of the frames after the first, in intervals of the frame rate; None: whole numbers, without gaps.
     """
 
     names: tuple[str, ...]
@@ -95,10 +103,20 @@ class StereoSequence:
     turn: int = 0
     findings: tuple[Finding, ...] = ()
     notes: tuple[str, ...] = ()
+    intervals: Vector | None = None
 
     def __len__(self) -> int:
         """Return the number of frames."""
         return len(self.names)
+
+    def time_s(self, number: int) -> float:
+        """Return the time of a frame, s after the first."""
+        return float(number if self.intervals is None else self.intervals[number]) / self.frame_rate
+
+    def intervals_before(self, number: int) -> float:
+        """Return the time since the previous frame in usual intervals: 1, or more where frames were dropped."""
+        intervals = (self.time_s(number) - self.time_s(number - 1)) * self.frame_rate
+        return intervals if intervals > GAP_RATIO else 1.0
 
     def frame(self, number: int) -> StereoFrame:
         """Read a frame.
@@ -171,12 +189,14 @@ def _picture_sequence(
         files = [one._replace(truth=None) for one in files]
     divisor = None if fit is None else fit.divisor
     lefts = [one.left for one in files]
+    own_rate, intervals = clock_in_names(lefts)
     return StereoSequence(
         _frame_names(lefts),
-        frame_rate or frame_rate_in_names(lefts) or DEFAULT_RATE_HZ,
+        frame_rate or own_rate,
         lambda number: partial(_read_pictures, files[number], source_of, guard, divisor),
         has_truth=any(one.truth is not None for one in files),
         notes=(note,) if note else (),
+        intervals=intervals,
     )
 
 
@@ -213,20 +233,49 @@ def _opened_once(path: Path) -> Archive:
     return read_archive(path, max_files=MAX_ARCHIVED_FILES)
 
 
-def _two_videos(left: VideoFile, right: VideoFile, frame_rate: float | None) -> StereoSequence:
+def _two_videos(left: VideoFile, right: VideoFile, frame_rate: float | None, guard: Guard) -> StereoSequence:
     """Return the frames of two videos that are shown at the same time."""
-    frames = partners_of_frames(left.times_s, right.times_s)
     rates = left.frame_rate, right.frame_rate
-    note = (
+    late_s = _late_s(left, right, guard)
+    is_late = 2 * abs(late_s) * min(rates) > 1  # half a frame
+    clocks = left.times_s, right.times_s + late_s * is_late
+    frames = partners_of_frames(*clocks)
+    if not frames:
+        raise ValueError(
+            f"The videos have no moment in common: the right one begins {late_s:+,.2f} s after the left one."
+        )
+    times_s = np.array([clocks[1][other] if one is None else clocks[0][one] for one, other in frames])
+    clock = "the clock of their file" if left.source == right.source else "their sound"
+    notes = {
+        f"By {clock}, the right video begins {abs(late_s):.2f} s {'after' if late_s > 0 else 'before'} the left one: "
+        "frames are paired accordingly.": is_late,
         f"The videos have {rates[0]:.4g} and {rates[1]:.4g} frames a second. Each frame of the slower one is paired "
-        "with the nearest in time, both counted from the beginning."
-    )
+        f"with the nearest in time{'' if is_late else ', both counted from the beginning'}.": not same_rate(*rates),
+    }
     return StereoSequence(
         _numbered(len(frames)),
         frame_rate or min(rates),
         lambda number: partial(_read_two, left, right, number, *frames[number]),
-        notes=() if same_rate(*rates) else (note,),
+        notes=tuple(note for note, applies in notes.items() if applies),
+        intervals=(times_s - times_s[0]) * min(rates),
     )
+
+
+def _late_s(left: VideoFile, right: VideoFile, guard: Guard) -> float:
+    """Return the time from the first frame of the left video to that of the right one, s.
+
+    Two tracks of one file have its clock; of two files, the lag between their sounds tells it. 0 if that is not sure,
+    or so small that cameras with a shared trigger may record it.
+    """
+    late_s = right.start_s - left.start_s
+    if left.source == right.source:
+        return late_s
+    with suppress(ValueError):  # no sound, or none that can be read
+        found = signal_lag(*at_one_rate(*(guard(read_signal)(one.source).channel(1) for one in (left, right))))
+        late_s -= found.lag_subsample / found.sampling_rate
+        if found.verdict == "sure" and abs(late_s) > MAX_SOUND_ERROR_S:
+            return late_s
+    return 0.0
 
 
 def _read_two(left: VideoFile, right: VideoFile, number: int, of_left: int | None, of_right: int | None) -> StereoFrame:
@@ -303,7 +352,8 @@ def open_sequence(
     StereoSequence
         Pictures with the same name are paired; otherwise those whose names have the same number, or nearly the same
         time; otherwise all in the order of their names. Frames of two videos, or of the two tracks of one, are paired
-        by their times. A left picture without a right one counts as a damaged frame.
+        by their times; two videos count from their beginnings, unless the lag of their sounds is sure and above 0.1 s.
+        A left picture without a right one counts as a damaged frame.
 
     Raises
     ------
@@ -318,14 +368,18 @@ def open_sequence(
         sequence = _open_one(left, frame_rate, guard, video, layout)
     elif layout is not None:
         raise ValueError("A layout is that of frames with both views; these are two files.")
-    elif isinstance(left, str | PathLike) and (Path(left).is_dir() or suffix_of(str(left)) not in VIDEO_SUFFIXES):
+    elif (
+        isinstance(left, str | PathLike)
+        and (Path(left).is_dir() or suffix_of(str(left)) not in VIDEO_SUFFIXES)
+        and (not Path(left).is_file() or suffix_of(str(left)) in {*IMAGE_SUFFIXES, "zip"})  # a video by its content
+    ):
         lefts, rights = _pictures(left, IMAGE_SUFFIXES), _pictures(right, IMAGE_SUFFIXES)
         truths = [] if truth is None else _pictures(truth, DISPARITY_SUFFIXES)
         partners = partners_by_name(lefts, rights, "right pictures")
         known = partners_by_name(lefts, truths, "true disparities") if truths else [None] * len(lefts)
         sequence = _picture_sequence([*map(FrameFiles, lefts, partners, known)], frame_rate)
     else:
-        sequence = _two_videos(video(left), video(right), frame_rate)
+        sequence = _two_videos(video(left), video(right), frame_rate, guard)
     if len(sequence) > limits().max_frames:
         raise ValueError(f"The sequence has {len(sequence):,} frames; at most {limits().max_frames:,} are accepted.")
     return sequence
@@ -353,13 +407,14 @@ def _open_one(
         return _of_files(archive.names, frame_rate, partial(_archived, path or archive), guard, layout)
     both = video(source)
     if both.tracks == 2 and layout is None:
-        return _two_videos(both, video(source, track=1), frame_rate)
-    shown = (partial(both.frame, number) for number in sorted({0, len(both) // 2}))
+        return _two_videos(both, video(both.source, track=1), frame_rate, guard)
+    shown = (partial(both.frame, number) for number in sorted({0, len(both) // 2, len(both) - 1}))
     found, crossed = (layout, False) if layout else _layout_of(shown) or (Layout.BESIDE, False)
     return StereoSequence(
         _numbered(len(both)),
         frame_rate or both.frame_rate,
         lambda number: partial(_read_both_views, partial(both.frame, number), found, crossed),
+        intervals=both.times_s * both.frame_rate,
     )
 
 
@@ -380,10 +435,12 @@ def _of_files(
         raise ValueError(
             f"There are no pictures named left and right, nor any with both views in it; files there: {len(names):,}."
         )
+    own_rate, intervals = clock_in_names(pictures)
     return StereoSequence(
         _frame_names(pictures),
-        frame_rate or frame_rate_in_names(pictures) or DEFAULT_RATE_HZ,
+        frame_rate or own_rate,
         lambda number: partial(_read_both_views, partial(_read_picture, pictures[number], source_of, guard), *both),
+        intervals=intervals,
     )
 
 

@@ -98,7 +98,7 @@ def number_in(picture: EightBit) -> int:
 
 
 def video(
-    *tracks: Sequence[EightBit],
+    *tracks: Sequence[EightBit | None],
     codec: str = "libx264",
     kind: str = "mp4",
     rate: int = 10,
@@ -106,11 +106,14 @@ def video(
     options: dict[str, str] | None = None,
     pixels: str = "yuv420p",
     rotation: int = 0,
+    mirrored: bool = False,
     dropped: Sequence[int] = (),
+    sound: npt.NDArray[np.int16] | None = None,
 ) -> bytes:
     """Return pictures as a video of one track or more, by default with bidirectionally predicted frames.
 
-    Players turn its frames by `rotation` degrees; frames whose numbers are `dropped` leave gaps in time.
+    Players turn its frames by `rotation` degrees, and then show them `mirrored`; frames that are None, or whose numbers
+    are `dropped`, leave gaps in time. Its sound has 8,000 samples a second.
     """
     stream = io.BytesIO()
     with av.open(stream, "w", format=kind) as container:
@@ -119,16 +122,26 @@ def video(
             track = container.add_stream(codec, rate=rate, options=options or {})
             assert isinstance(track, av.VideoStream)
             written.append(track)
-            track.width, track.height, track.pix_fmt = pictures[0].shape[1], pictures[0].shape[0], pixels
+            (track.height, track.width), track.pix_fmt = (
+                next(one.shape[:2] for one in pictures if one is not None),
+                pixels,
+            )
             track.codec_context.gop_size = every
-            if rotation:
-                track.set_display_rotation(rotation)
+            if rotation or mirrored:
+                track.set_display_rotation(rotation, hflip=mirrored)
+        heard = None if sound is None else container.add_stream("pcm_s16le", rate=8000, layout="mono")
         for number in sorted({*range(len(tracks[0]))} - {*dropped}):
             for track, pictures in zip(written, tracks, strict=True):
                 picture = pictures[number]
+                if picture is None:
+                    continue
                 frame = av.VideoFrame.from_ndarray(picture, format="rgb24" if picture.ndim == 3 else "gray")
                 frame.pts = number
                 container.mux(track.encode(frame))
         for track in written:
             container.mux(track.encode())
+        if heard is not None and sound is not None:
+            samples = av.AudioFrame.from_ndarray(sound[None], "s16", "mono")
+            samples.sample_rate = 8000
+            container.mux(heard.encode(samples))
     return stream.getvalue()

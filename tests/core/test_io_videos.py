@@ -30,6 +30,8 @@ def mp4() -> bytes:
         ("mjpeg", "avi", {}),
         ("wmv2", "asf", {}),
         ("huffyuv", "avi", {}),
+        ("libx264", "mpegts", {"bf": "2"}),
+        ("libx264", "flv", {}),
     ],
 )
 def test_any_frame_is_the_one_asked_for_by_seeking_as_in_turn(codec: str, kind: str, options: dict[str, str]) -> None:
@@ -55,6 +57,8 @@ def test_frames_are_turned_as_their_camera_was_held() -> None:
         number_in(np.rot90(VideoFile(video([picture], rotation=turn)).frame(0), -turn // 90)) for turn in (180, 90)
     ] == [37] * 2
     assert VideoFile(video([picture], rotation=90)).frame(0).shape == (96, 64, 3)
+    mirrored = [VideoFile(video([picture], rotation=turn, mirrored=True)).frame(0)[:, ::-1] for turn in (0, 90)]
+    assert [number_in(mirrored[0]), number_in(np.rot90(mirrored[1], -1))] == [37] * 2
 
 
 def test_a_video_at_a_path_is_pickled_as_its_path(mp4: bytes, tmp_path: Path) -> None:

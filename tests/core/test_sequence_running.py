@@ -154,6 +154,8 @@ def test_other_settings_are_refused_and_may_begin_again(drive: StereoSequence, t
         run_sequence(drive, other, out)
     with pytest.raises(ValueError, match="made with other calibration"):
         run_sequence(drive, FAST, out, calibration=CALIBRATION)
+    with pytest.raises(ValueError, match="made with other pictures"):  # of as many, with the same names
+        run_sequence(replace(drive, reader=lambda number: drive.reader(5 - number)), FAST, out)
     assert contents(out) == before
     assert run_sequence(drive, other, out, again=True).matched == 6
     noted = json.loads((out / "sequence.json").read_text())
@@ -217,7 +219,7 @@ def test_only_so_many_frames_are_held_at_once(tmp_path: Path) -> None:
 
     long = StereoSequence(tuple(map(str, range(count))), 10.0, reader)
     run_sequence(long, StereoBM(num_disparities=16, block_size=9), tmp_path / "out", progress=states.append)
-    assert len(ahead) == count and max(ahead) < 12
+    assert len(ahead) == count + 1 and max(ahead) < 12  # the first frame also tells the drive
 
 
 def test_a_search_beyond_the_png_is_refused_before_anything_is_written(drive: StereoSequence, tmp_path: Path) -> None:

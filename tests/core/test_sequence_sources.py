@@ -3,9 +3,11 @@
 import io
 import pickle
 import random
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from pairs import bundled
 from small_drives import COLS, DISPARITIES, ROWS, archive, number_in, numbered, pairs_of, video, write_folders, zipped
@@ -124,9 +126,11 @@ def test_many_names_are_matched_at_once(left: str, right: str) -> None:
 
 def test_two_videos_and_one_side_by_side(tmp_path: Path) -> None:
     pictures = numbered(20)
-    for number, codec in enumerate(("libx264", "libx264")):
-        (tmp_path / f"{number}.mp4").write_bytes(video(pictures[number:], codec=codec, rate=25))
-    two = open_sequence(tmp_path / "0.mp4", tmp_path / "1.mp4")
+    for number, name in enumerate(("0.mp4", "1.lrv")):  # as some cameras name their MP4
+        (tmp_path / name).write_bytes(video(pictures[number:], rate=25))
+    two = open_sequence(tmp_path / "0.mp4", tmp_path / "1.lrv")
+    other = open_sequence(tmp_path / "1.lrv", tmp_path / "0.mp4").frame(0)
+    assert (number_in(other.left), number_in(other.right)) == (1, 0)
     assert (len(two), two.frame_rate) == (19, 25)  # as many as in the shorter one
     frame = pickle.loads(pickle.dumps(two.reader(11)))()
     assert (number_in(frame.left), number_in(frame.right)) == (11, 12)
@@ -139,7 +143,7 @@ def test_two_videos_and_one_side_by_side(tmp_path: Path) -> None:
     over = open_sequence(video(both), layout=Layout.HALF_OVER_UNDER).frame(4)
     assert over.left.shape == over.right.shape == (64, 192, 3)
     with pytest.raises(ValueError, match="these are two files"):
-        open_sequence(tmp_path / "0.mp4", tmp_path / "1.mp4", layout=Layout.BESIDE)
+        open_sequence(tmp_path / "0.mp4", tmp_path / "1.lrv", layout=Layout.BESIDE)
 
 
 def test_a_folder_is_read_as_its_archive_is_and_pictures_may_hold_both_views(tmp_path: Path) -> None:
@@ -159,6 +163,10 @@ def test_a_folder_is_read_as_its_archive_is_and_pictures_may_hold_both_views(tmp
     for drive in drives:
         frame = pickle.loads(pickle.dumps(drive.reader(0)))()
         assert np.array_equal(frame.left, left) and np.array_equal(frame.right, right)
+    capped = open_sequence(
+        video([np.zeros((left.shape[0], 2 * left.shape[1], 3), np.uint8)] * 3 + [np.hstack([right, left])])
+    )
+    assert np.abs(capped.frame(3).left.astype(int) - left).mean() < 5, "by the last frame, as the first ones are black"
     assert open_sequence(tmp_path / "both", layout=Layout.OVER_UNDER).frame(0).left.shape[1] == 2 * left.shape[1]
 
 
@@ -220,8 +228,51 @@ def test_frames_of_two_videos_are_paired_by_their_times() -> None:
         open_sequence(left, video(pictures[:20], rate=30, dropped=(5, 6))).frame(5)
 
 
+def test_videos_that_begin_seconds_apart_are_paired_by_their_sound() -> None:
+    pictures, world = numbered(40), np.random.default_rng(0).integers(-9000, 9000, 32_000).astype(np.int16)
+
+    def clip(first: int, sound: npt.NDArray[np.int16] = world) -> bytes:
+        return video(pictures[first : first + 25], kind="matroska", sound=sound[800 * first : 800 * (first + 25)])
+
+    early, late = clip(2), clip(13)
+    for given, when in (((early, late), "after"), ((late, early), "before")):
+        sequence = open_sequence(*given)
+        assert sequence.notes == (
+            f"By their sound, the right video begins 1.10 s {when} the left one: frames are paired accordingly.",
+        )
+        frames = [sequence.frame(number) for number in (0, 13)]
+        assert [number_in(frame.left) for frame in frames] == [number_in(frame.right) for frame in frames] == [13, 26]
+    assert len(sequence) == 14 and sequence.frame_rate == 10
+    # The last two are those of cameras that begin together, one of which records its sound 0.09 s late.
+    for unlike in (clip(13, world[::-1].copy()), clip(2), video(pictures[13:38]), clip(2, world[720:])):
+        assert (open_sequence(early, unlike).notes, len(open_sequence(early, unlike))) == ((), 25)
+
+
+def test_frames_keep_their_times_where_some_were_dropped() -> None:
+    """Speeds are divided by the time since the previous frame."""
+    drive, pictures = (
+        video(numbered(12), dropped=(4, 5, 9)),
+        {
+            f"{side}/{1_764_417_600 + n / 10:.1f}.png": image_png(one)
+            for n, both in enumerate(pairs_of(range(1, 13)))
+            if n not in (4, 5, 9)
+            for side, one in zip(("left", "right"), both, strict=True)
+        },
+    )
+    for sequence in (open_sequence(drive), open_sequence(drive, drive), open_sequence(zipped(pictures))):
+        for rate, seconds in ((None, 1), (20, 0.5)):
+            given = sequence if rate is None else replace(sequence, frame_rate=rate)
+            times = [given.time_s(number) for number in range(9)]
+            assert times == pytest.approx([seconds * n / 10 for n in (0, 1, 2, 3, 6, 7, 8, 10, 11)], abs=1e-6)
+            assert [*map(given.intervals_before, range(1, 9))] == pytest.approx([1, 1, 1, 3, 1, 1, 2, 1], abs=1e-5)
+
+
 def test_two_tracks_of_one_video_are_both_views(tmp_path: Path) -> None:
     pictures = numbered(20)
+    later = open_sequence(io.BytesIO(video(pictures[:12], [None] * 5 + pictures[5:12], kind="matroska")))
+    assert [number_in(view) for view in later.frame(0)[:2]] == [5, 5] and len(later) == 7
+    with pytest.raises(ValueError, match=r"no moment in common: the right one begins \+0\.70 s after the left one"):
+        open_sequence(video([*pictures[:5], *[None] * 7], [None] * 7 + pictures[7:12], kind="matroska"))
     path = tmp_path / "both.avi"
     path.write_bytes(video(pictures[:12], pictures[8:], codec="mjpeg", kind="avi", pixels="yuvj420p"))
     for source in (path, path.read_bytes()):

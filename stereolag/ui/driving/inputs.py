@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
 
+import numpy as np
 import streamlit as st
 
 from stereolag import Calibration, Diagnosis, StereoBM, StereoSGBM, preset, read_calibration
@@ -18,7 +19,7 @@ from stereolag.core.inputs import as_stereo_pair
 from stereolag.core.jobs import limits
 from stereolag.geometry.rectification import calibration_for
 from stereolag.io.sources import bundle, is_archive
-from stereolag.io.videos import VIDEO_SUFFIXES, GuardedVideo
+from stereolag.io.videos import VIDEO_SUFFIXES, GuardedVideo, usual_interval
 from stereolag.pair import Pair, PairId, upright
 from stereolag.samples import drives
 from stereolag.sequences import (
@@ -296,9 +297,10 @@ class Recording:
             for side, view in zip(("left", "right"), message.parts, strict=True)
         }
         sequence, first = _opened(bundle(pictures))
-        lasted_s = (self.frames[-1].at - self.frames[0].at) / 1000
-        rate = (len(self.frames) - 1) / lasted_s if lasted_s > 0 else sequence.frame_rate
-        return Upload(f"recorded {time.time_ns()}", (replace(sequence, frame_rate=rate), first))
+        times_s = np.array([message.at - self.frames[0].at for message in self.frames]) / 1000
+        rate = 1 / (usual_interval(times_s) or 1 / sequence.frame_rate)
+        timed = replace(sequence, frame_rate=rate, intervals=times_s * rate)
+        return Upload(f"recorded {time.time_ns()}", (timed, first))
 
 
 def _record() -> Upload[_Frames] | None:
