@@ -166,7 +166,9 @@ def _in_words(result: sl.SignalLag, settings: LagSearch, facts: list[dict[str, A
             lines.append("as good   " + ", ".join(map(str, judgement.rivals)))
         if judgement.opposite_lag is not None:
             lines.append(f"opposite  {judgement.opposite_lag} samples, with the sign of one recording reversed")
-    lines.append(f"verdict   {judgement.verdict}: {_REASONS[judgement.reason]}")
+    unsearched = judgement.reason in ("chance", "too_little") and result.max_lag
+    limit = f"; only lags within ±{result.max_lag} were searched" if unsearched else ""
+    lines.append(f"verdict   {judgement.verdict}: {_REASONS[judgement.reason]}{limit}")
     if result.begins_again_at is not None:
         lines.append(f"values    wrap around every {result.begins_again_at:.4g}: their steps were compared")
     if over_time is not None:

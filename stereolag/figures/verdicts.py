@@ -75,6 +75,12 @@ NOTHING_WORDS = {
     "opposite_sign": "Nothing in common found, but **the opposite sign fits**: one microphone is reversed.",
 }
 
+ADVICE = {
+    "chance": "Use a longer stretch with a distinct sound that both sensors hear, and check that both files cover it.",
+    "too_little": "One knock or swing fits any other like it. Use several at irregular times, or a longer sound, and "
+    "check that both files cover it.",
+}
+
 
 def verdict_explained(result: SignalLag) -> list[str]:
     """Return the details of a verdict: arrivals, clocks, rivals, a reversed microphone, advice."""
@@ -98,15 +104,12 @@ def verdict_explained(result: SignalLag) -> list[str]:
     elif judgement.reason == "few_votes" and result.arrivals:
         lag, sigma = result.arrivals[0]
         said.append(f"All samples together agree on a lag of {round(lag):,} ({sigma:.1f} σ): choose the method FFT.")
-    elif judgement.reason == "too_little":
-        said.append(
-            "One knock or swing fits any other like it. Use several at irregular times, or a longer sound, and check "
-            "that both files cover it."
-        )
     elif judgement.verdict == "nothing":
-        said.append(
-            "Use a longer stretch with a distinct sound that both sensors hear, and check that both files cover it."
-        )
+        said.append(ADVICE.get(judgement.reason, ADVICE["chance"]))
+        if result.max_lag:
+            said.append(
+                f"Only lags within ±{result.max_lag:,} samples were searched: allow larger ones where they can occur."
+            )
     return said
 
 

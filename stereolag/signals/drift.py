@@ -140,8 +140,10 @@ def follow_lag(recording_1: Recording, recording_2: Recording, lag: int, reach: 
         if best[0] < enough and length >= _MIN_BLOCK_LENGTH:
             strip = max(reach, int(_MAX_DRIFT_PPM * 1e-6 * size))
             best = max(best, _lag_by_blocks(recording_1, recording_2, lag, strip, length), key=lambda found: found[0])
-    min_gap = _MIN_BLOCKS_ON_LINE * max(longest, size // _COARSE_BLOCKS)
-    return best[1] and _fill_gaps(recording_1, recording_2, best[1], min_gap)
+    if best[1] is None:
+        return None
+    filled = _fill_gaps(recording_1, recording_2, best[1], max(longest, size // _COARSE_BLOCKS))
+    return _with_steps_located(recording_1, recording_2, filled)
 
 
 def _straight_line(recording_1: Recording, recording_2: Recording, lag: int) -> tuple[float, LagOverTime | None]:
@@ -194,10 +196,11 @@ def _lag_by_blocks(
     return share, LagOverTime(tuple(_with_borders(confirmed, begin, end)))
 
 
-def _fill_gaps(recording_1: Recording, recording_2: Recording, over_time: LagOverTime, min_gap: int) -> LagOverTime:
-    """Return the lag over time with lines added in gaps of `min_gap` samples or more, whatever their lag.
+def _fill_gaps(recording_1: Recording, recording_2: Recording, over_time: LagOverTime, block: int) -> LagOverTime:
+    """Return the lag over time with lines added in gaps, whatever their lag.
 
-    A step may lead beyond the lags that the plane covers.
+    A step may lead beyond the lags that the plane covers, and two steps may have too few blocks of the plane between
+    them, `block` samples long: any gap of more than one block between two lines is searched.
     """
     begin, end = over_time.stretches[0].begin, over_time.stretches[-1].end
     known = lines = [line for line in over_time.stretches if line.places]
@@ -205,6 +208,8 @@ def _fill_gaps(recording_1: Recording, recording_2: Recording, over_time: LagOve
     outer = [(0, begin), (end, recording_1.size)]  # where the recordings may overlap at another lag
     while gaps:
         low, high = gaps.pop()
+        between = lines[0].places[-1] <= low and high <= lines[-1].places[0]
+        min_gap = (1.5 if between else _MIN_BLOCKS_ON_LINE) * block
         found = _line_in_gap(recording_1, recording_2, lines, low, high) if high - low >= min_gap else None
         if found is not None:
             lines = sorted([*lines, found], key=lambda line: line.places[0])
@@ -234,7 +239,7 @@ def _line_in_gap(
     starts = np.linspace(low, high - length, min(_MAX_PARTS, math.ceil((high - low) / length))).astype(int)
     slope = max(lines, key=lambda line: len(line.places)).slope
     beside = min(lines, key=lambda line: min(abs(line.places[0] - high), abs(line.places[-1] - low)))
-    reach = min((end - begin) // 4, _MAX_STEP)
+    reach = min((end - begin) // 2, _MAX_STEP)
     line = Stretch(low, high, beside.lag_at((low + high) / 2) - slope * (low + high) / 2, slope)
     heights = _plane(recording_1, recording_2, starts, line, length, reach)
     top = int(heights.argmax()) % heights.shape[1]
@@ -290,14 +295,21 @@ def _without_echoes(
     return lines
 
 
-def locate_steps(recording_1: Recording, recording_2: Recording, over_time: LagOverTime) -> LagOverTime:
-    """Return the lag over time with each step moved to the sample where the recordings show it."""
+def _with_steps_located(recording_1: Recording, recording_2: Recording, over_time: LagOverTime) -> LagOverTime:
+    """Return the lag over time with each step moved to the sample where the recordings show it.
+
+    Without lines that then end before their blocks, or begin after them: the recordings do not show these.
+    """
     lines = [*over_time.stretches]
     for number in range(1, len(lines)):
         before, after = lines[number - 1 : number + 1]
         place = _step_position(recording_1, recording_2, before, after)
         lines[number - 1 : number + 1] = replace(before, end=place), replace(after, begin=place)
-    return LagOverTime(tuple(lines))
+    shown = [line for line in lines if not line.places or line.begin <= np.median(line.places) <= line.end]
+    if not shown or len(shown) == len(lines):
+        return LagOverTime(tuple(lines))
+    fewer = _with_borders(_merge(shown), lines[0].begin, lines[-1].end)
+    return _with_steps_located(recording_1, recording_2, LagOverTime(tuple(fewer)))
 
 
 def _step_position(recording_1: Recording, recording_2: Recording, before: Stretch, after: Stretch) -> int:

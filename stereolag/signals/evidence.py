@@ -316,6 +316,16 @@ class Evidence:
         score = min(alone.score, agreement / self.needed)
         return replace(alone, weight=peak.weight, score=score, agreement=agreement, max_agreement=max_agreement)
 
+    def lower_peaks(self, peak: Peak) -> list[Peak]:
+        """Return more of the highest points under the weight of a peak, without scores, down to 12 dB below it."""
+        curve = self.curves[peak.weight]
+        heights = ((index, float(curve.curve[index])) for index in curve.tops(3))
+        return [
+            Peak(peak.weight, self.first + index, height, global_height=height / curve.deviation)
+            for index, height in heights
+            if height > 0.25 * peak.height
+        ]
+
     def smeared(self) -> list[float]:
         """Return the lags around which the curves have the most power: drift smears a peak over many lags."""
         return [self.first + self.curves[number].center_of_power() for number in _EXTREME_WEIGHTS]
@@ -399,8 +409,8 @@ class WeightedCurve:
         shared = float(own[0][1:] @ own[1][1:]) / (float(own[0][0] * own[1][0]) + 1e-300)
         return math.sqrt(max(1.0, 1 + 2 * shared))
 
-    def tops(self) -> list[int]:
-        """Return the indices of the two highest points by height over the local deviation, and of the two by height."""
+    def tops(self, count: int = 2) -> list[int]:
+        """Return the indices of the highest points by height over the local deviation, and of those by height."""
         cells = -(-self.curve.size // _CELL_LAGS)
         starts, skipped = np.arange(0, self.curve.size, _CELL_LAGS), -(-self.lobe // _CELL_LAGS)
         high = np.maximum.reduceat(self.curve, starts)
@@ -421,7 +431,7 @@ class WeightedCurve:
             np.maximum(power, (total - lobe) / np.maximum(_CELL_LAGS, size - lobe_size), out=power)
         found: list[int] = []
         for heights in (np.where(power > 0, high / np.sqrt(power + 1e-30), 0.0), high.astype(np.float64)):
-            for _ in range(2):
+            for _ in range(count):
                 best = int(np.argmax(heights))
                 if heights[best] <= 0:
                     break
@@ -430,6 +440,30 @@ class WeightedCurve:
                     found.append(index)
                 heights[max(0, best - skipped) : best + skipped + 1] = 0
         return found
+
+    def height_at(self, lag: float) -> float:
+        """Return the height of the peak within a sample of a lag, interpolated between the lags."""
+        first = max(0, round(lag) - self._evidence.first - 1)
+        return interpolate_peak(self.curve, first + int(np.argmax(self.curve[first : first + 3])))[1]
+
+    def is_one_peak(self, lag: float, other: float) -> bool:
+        """Return whether the curve stays above half the height at the second lag on the way there from the first."""
+        first, last = sorted((round(lag) - self._evidence.first, round(other) - self._evidence.first))
+        return float(self.curve[first : last + 1].min()) > 0.5 * self.height_at(other)
+
+    def is_one_sided(self, lag: float) -> bool:
+        """Return whether a peak has a deep trough on one side and hardly one on the other.
+
+        That is a turn of the phase by a filter, as of a telephone or of a sensor of velocity: the peak and the trough
+        are of one arrival. An inverted recording has troughs on both sides, equally deep, or nearly none.
+        """
+        index = round(lag) - self._evidence.first
+        beside = self.curve[: index + 1][::-1], self.curve[index:]
+        depths = []
+        for side in (part[:_MAX_ENVELOPE] for part in beside):
+            below = side[int(np.argmax(side < 0)) :]
+            depths.append(-float(below[: int(np.argmax(below >= 0)) or None].min()))
+        return max(depths) > 0.5 * float(self.curve[index]) and min(depths) < 0.5 * max(depths)
 
     def center_of_power(self) -> int:
         """Return the middle of the stretch of lags whose power exceeds the median most clearly."""
@@ -592,8 +626,7 @@ class WeightedCurve:
             offset, height = interpolate_peak(curve, other)
             share = height * factor / peak.height
             apart = other - index
-            between = curve[min(index, other) : max(index, other) + 1]
-            if float(between.min()) > 0.5 * height:  # on the same peak
+            if self.is_one_peak(peak.lag, evidence.first + other):
                 continue
             places = np.arange(apart - 1, apart + 2) % evidence.points
             explained = peak.repetition * float(self._autocorrelation[places].max()) * factor / peak.height

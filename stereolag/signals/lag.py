@@ -31,7 +31,7 @@ from stereolag.signals.correlation import (
     transform_length,
 )
 from stereolag.signals.over_time import LagOverTime, Step
-from stereolag.signals.peaks import peak_ratio
+from stereolag.signals.peaks import main_lobe, peak_ratio
 from stereolag.signals.recordings import ConvertedRecording, HeldRecording, Recording
 from stereolag.signals.search import (
     REFINED_REACH,
@@ -201,6 +201,8 @@ class SignalLag(Shown):
         Duration of the search, without input checks and judgement, seconds.
     sampling_rate, speed
         As given to :func:`signal_lag`, or taken from the recordings.
+    max_lag
+        Largest lag searched, samples; None if every lag was.
     begins_again_at
         The number at which the values of both recordings wrap around, as headings do at 360: their steps were
         correlated. None if they do not, and for "sampled".
@@ -223,18 +225,19 @@ class SignalLag(Shown):
     elapsed_s: float
     sampling_rate: float
     speed: float
+    max_lag: int | None
     begins_again_at: float | None
     _found: FoundLag = field(repr=False)
     _score: float = field(repr=False)
     _fixed: bool = field(repr=False)
     _recordings: tuple[Recording, Recording] | None = field(repr=False)
-    _reach: int = field(repr=False)
 
     @cached_property
     def _decided(self) -> tuple[LagJudgement, float]:
         """The judgement, and Pearson's correlation at its lag; the recordings are released."""
         assert self._recordings is not None
-        judgement = judge(self._recordings, self._found, self._reach, fixed=self._fixed)
+        reach = _checked_reach(self.max_lag, max(recording.size for recording in self._recordings))
+        judgement = judge(self._recordings, self._found, reach, fixed=self._fixed)
         lag = self._found.rounded(judgement.lag)
         score = self._score if lag == self._found.lag else overlap_pearson(*self._recordings, lag)
         object.__setattr__(self, "_recordings", None)
@@ -453,12 +456,12 @@ def signal_lag(
         elapsed_s=time.perf_counter() - started,
         sampling_rate=rate,
         speed=speed,
+        max_lag=reach if reach < max(given_1.size, given_2.size) - 1 else None,
         begins_again_at=modulus,
         _found=found,
         _score=score,
         _fixed=method in {"direct", "sampled"} or _is_plain(found, score, (given_1.size, given_2.size)),
         _recordings=recordings,
-        _reach=reach,
     )
     if chosen != "whole" or progress:
         _ = result.judgement
@@ -470,7 +473,7 @@ _MIN_PLAIN_SCORE = 0.5
 """Correlation, weighted by the overlap, from which on a lag is obvious."""
 
 _MIN_PLAIN_HEIGHT = 20.0
-"""Standard deviations of white noise that may take its place."""
+"""Standard deviations of noise as coloured as the recordings that may take its place."""
 
 _MIN_PLAIN_RATIO = 2.0
 """Ratio to the next peak that an obvious lag needs besides: with less, a hum in both can move the peak."""
@@ -479,7 +482,10 @@ _MIN_PLAIN_RATIO = 2.0
 def _is_plain(found: FoundLag, score: float, sizes: tuple[int, int]) -> bool:
     """Return whether the lag is obvious: the recordings agree far better there than elsewhere."""
     weighted = score * math.sqrt(overlap_length(*sizes, np.array([found.lag]))[0] / min(sizes))
-    is_high = weighted * math.sqrt(min(sizes)) >= _MIN_PLAIN_HEIGHT
+    assert found.lags is not None and found.correlation is not None
+    first, end = main_lobe(found.correlation, int(np.searchsorted(found.lags, found.lag)))
+    # Samples are independent of each other beyond about a lobe.
+    is_high = weighted * math.sqrt(min(sizes) / (end - first)) >= _MIN_PLAIN_HEIGHT
     return (is_high or weighted >= _MIN_PLAIN_SCORE) and found.peak_ratio >= _MIN_PLAIN_RATIO
 
 

@@ -23,7 +23,7 @@ from stereolag.signals.correlation import (
     overlap_pearson,
     overlap_slices,
 )
-from stereolag.signals.drift import follow_lag, locate_steps, median_line
+from stereolag.signals.drift import follow_lag, median_line
 from stereolag.signals.evidence import MEDIAN_POINTS, Evidence, Peak, Samples, needed_for, standardised
 from stereolag.signals.over_time import LagOverTime, Stretch, on_first_clock
 from stereolag.signals.peaks import main_lobe
@@ -64,8 +64,8 @@ _MAX_FOLLOWED_LAGS = 4
 _MAX_OTHER_LAGS = 4
 """High points of the curve of long recordings that are judged besides the lag found."""
 
-_MIN_EVIDENCE_RATIO = 0.95
-"""Share of the evidence without it that a drift or step must keep to be believed."""
+_MIN_CLEAR_GAIN = 1.1
+"""Gain in height from which on a drift or step is believed although the evidence is less: chance gains 5 %."""
 
 _MIN_RIVAL_HEIGHT = 0.85
 """Share of the height from which on another lag is as good; noise lowers a tooth of a comb by a few per cent."""
@@ -209,16 +209,33 @@ class _Alignment:
     def lag(self) -> float:
         """Lag of the best peak, samples, measured under the weight with the narrowest lobe that has enough evidence.
 
-        That takes less evidence, since few lags are within the lobe of a peak. Narrower lobes with different lags, as
-        of neighbouring cycles, are ignored.
+        That takes less evidence, since few lags are within the lobe of a peak. Narrower lobes with different lags, or
+        of a neighbouring cycle, are ignored.
         """
         best, lobes = self.peaks[0], {weight: curve.lobe for weight, curve in self.evidence.curves.items()}
         lobe = lobes[best.weight]
         min_score = min(1.0, needed_for(2 * lobe + 1) / self.evidence.needed)
-        narrower = [peak for peak in self.peaks if abs(peak.lag - best.lag) <= lobe and lobes[peak.weight] < lobe]
+        curve = self.evidence.curves[best.weight]
+        narrower = [
+            peak
+            for peak in self.peaks
+            if abs(peak.lag - best.lag) <= lobe and lobes[peak.weight] < lobe and curve.is_one_peak(best.lag, peak.lag)
+        ]
         lags = [peak.lag for peak in narrower]
         convincing = [peak for peak in narrower if peak.score > min_score and max(lags) - min(lags) <= 1]
         return self.shift + min(convincing, key=lambda peak: lobes[peak.weight], default=best).lag
+
+    def gain_over(self, other: _Alignment) -> float:
+        """Return the ratio of the heights at the best peaks of this alignment and another; the least of all weights.
+
+        Undoing a real change of the lag adds the agreement of the rest under every weight.
+        """
+        curves, others = self.evidence.curves, other.evidence.curves
+        lag, other_lag = self.peaks[0].lag, other.peaks[0].lag
+        return min(
+            curves[one].height_at(lag) / max(others[one].height_at(other_lag), 1e-30)
+            for one in curves.keys() & others.keys()
+        )
 
     @property
     def changes(self) -> bool:
@@ -256,7 +273,10 @@ class _Alignment:
     def arrivals(self) -> tuple[Arrival, ...]:
         """All lags beyond chance, each once."""
         found: list[Arrival] = []
-        for candidate in self.peaks if self.score > 1 else ():
+        candidates = [*self.peaks] if self.score > 1 else []
+        for number, candidate in enumerate(candidates):
+            if number == len(self.peaks) - 1 and len(found) > 1:  # two louder echoes hide the direct sound
+                candidates += self.evidence.lower_peaks(self.peaks[0])
             curve = self.evidence.curves[candidate.weight]
             apart = max(3, curve.envelope)
             if any(abs(self.shift + candidate.lag - arrival.lag) <= apart for arrival in found):
@@ -331,7 +351,6 @@ def judge(recordings: Recordings, found: FoundLag, reach: int, *, fixed: bool) -
     over_time = best.over_time if reason == "clear" else None
     if over_time is not None and best.changes:
         reason = "steps" if over_time.steps else "drift"
-        over_time = locate_steps(*recordings, over_time)
     return LagJudgement(
         verdict="ambiguous" if reason == "rivals" else "sure" if reason in {"clear", "drift", "steps"} else "nothing",
         reason="repeats" if reason == "rivals" and spacing is not None else reason,
@@ -394,10 +413,10 @@ def _best(recordings: Recordings, found: FoundLag, searched: range) -> _Alignmen
             continue
         if not _justifies_steps(alignment, over_time, len(searched), samples_1.size):
             continue
-        same = best.score > 1 and abs(best.lag - lag) <= max(48, 1.5 * reach) and over_time.changes
-        # Undoing a real change of the lag raises the peak over the whole curve too, not only over its surroundings.
-        higher = alignment.peaks[0].global_height >= _MIN_EVIDENCE_RATIO * best.peaks[0].global_height
-        if higher and alignment.score > best.score * (_MIN_EVIDENCE_RATIO if same else 1.0):
+        gain = alignment.gain_over(best)
+        # Evidence is limited by the samples that contribute, which differ from weight to weight.
+        enough = min(best.score, 1.0) if over_time.changes and gain > _MIN_CLEAR_GAIN else best.score
+        if gain > 1 and alignment.score > enough:
             best = alignment
     return replace(best, prefers_opposite=prefers_opposite)
 
@@ -497,7 +516,9 @@ def _opposite(recordings: Recordings, found: FoundLag, searched: range, best: _A
         if best.over_time is not None and best.changes:
             followed = _aligned_by(best.over_time, samples_1, -samples_2, len(searched))
             inverted = max(inverted, followed, key=lambda alignment: alignment.score)
-    if inverted.score <= 1 or (best.score > 1 and not inverted.peaks[0].is_clearly_above(best.peaks[0])):
+    peak = inverted.peaks[0]
+    turned = best.score > 1 and inverted.evidence.curves[peak.weight].is_one_sided(peak.lag)
+    if inverted.score <= 1 or turned or (best.score > 1 and not peak.is_clearly_above(best.peaks[0])):
         return None
     return round(inverted.lag)
 

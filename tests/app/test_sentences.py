@@ -61,6 +61,7 @@ def test_lags(snapshot: Snapshot) -> None:
         "tone of a broken period": sl.signal_lag(*tones(6000, 0.1234, 0.0, 0)),
         "one rival": sl.signal_lag(clip, np.concatenate((clip, random.normal(size=5000), clip))),
         "unrelated": sl.signal_lag(*unrelated("noise and noise", 3000, 0)),
+        "beyond the largest lag": sl.signal_lag(clip, np.pad(clip, (900, 0)), max_lag=500),
         "unrelated, loud moments": sl.signal_lag(*loud),
         "three lags": sl.signal_lag(clip, np.concatenate((clip, loud[0], clip, clip[::-1], clip))),
         "few votes": sl.signal_lag(*common(20_000, 300, 0), method="sampled", seed=0),

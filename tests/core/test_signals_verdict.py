@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.recordings import trial
+from benchmarks.sounds import music
 from benchmarks.verdict import UNRELATED, coloured, common, drifting, tones, unrelated
 from stereolag import read_signal, samples
 from stereolag.signals import SignalLag, SignalMethod, over_time, signal_lag
@@ -256,6 +257,16 @@ def test_the_opposite_sign_is_told_by_every_method(method: SignalMethod) -> None
     assert not signal_lag(whole[1000:7000], whole[:6000], method=method, seed=0).inverted
 
 
+@pytest.mark.parametrize("colour", [0.7, 0.9, 0.95])
+def test_a_phase_turned_by_a_filter_is_no_opposite_sign_and_moves_the_lag_by_no_cycle(colour: float) -> None:
+    random = np.random.default_rng(0)
+    sound = coloured(12_300, colour, random)
+    telephone = scipy.signal.butter(3, (0.075, 0.85), "band", output="sos")
+    heard = scipy.signal.sosfilt(telephone, sound[:12_000])
+    result = signal_lag(sound[300:], heard + 0.1 * heard.std() * random.normal(size=12_000))
+    assert (result.verdict, result.lag) == ("sure", 300)
+
+
 def test_a_result_lets_go_of_the_recordings_once_it_is_judged() -> None:
     sound = np.random.default_rng(0).standard_normal(4_000)
     judged_later = signal_lag(sound[200:], sound)
@@ -296,7 +307,8 @@ def with_a_step(size: int, lag: int, missing: int, seed: int, level: float = 0.3
 
 
 @pytest.mark.parametrize(
-    ("size", "missing"), [*((100_000, few) for few in (40, 400, 5000, -400)), (150_000, 25_000), (150_000, -20_000)]
+    ("size", "missing"),
+    [*((100_000, few) for few in (40, 400, 5000, -400)), (150_000, -20_000), (60_000, 20_000)],
 )
 def test_missing_samples_are_a_step_where_they_are_missing(size: int, missing: int) -> None:
     lag = 700
@@ -308,6 +320,16 @@ def test_missing_samples_are_a_step_where_they_are_missing(size: int, missing: i
     assert result.lag_at(2.0) == pytest.approx(lag, abs=0.2)
     assert result.lag_at(12.0) == pytest.approx(lag - missing, abs=0.2)
     assert result.lag in (lag, lag - missing)
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_a_stretch_between_two_steps_is_found_though_it_has_hardly_two_blocks(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    sound = coloured(103_000, 0.8, random)
+    heard = np.delete(sound[700:], [*range(40_300, 40_400), *range(46_300, 46_400)])[:100_000]
+    first, second = 0.5 * sound.std() * random.normal(size=(2, 100_000))
+    steps = signal_lag(sound[1000:101_000] + first, heard + second).steps
+    assert [round(lag) for step in steps for lag in (step.before, step.after)] == [300, 200, 200, 100]
 
 
 @pytest.mark.parametrize("seed", [510, 526])
@@ -325,6 +347,20 @@ def test_all_stretches_are_of_one_clock_and_the_lag_is_from_where_it_was_measure
     before = drawn.lags[0] + drawn.ppm * 1e-6 * drawn.steps[0][0]
     stretches.append(sorted((drawn.lags[0], before)))
     assert any(low - 0.5 <= result.judgement.lag <= high + 0.5 for low, high in stretches)
+
+
+def test_a_stretch_that_ends_before_its_blocks_is_no_step() -> None:
+    given = trial("silent gaps", 21)
+    assert signal_lag(*given.recordings, sampling_rate=given.rate, max_lag=500).verdict == "nothing"
+
+
+@pytest.mark.parametrize("seed", [2, 8, 11])
+def test_a_step_is_believed_by_what_it_adds_though_its_evidence_is_less(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    sound = music(44_000, 8000.0, random)
+    first, second = 0.1 * sound.std() * random.normal(size=(2, 40_000))
+    result = signal_lag(sound[:40_000] + first, np.delete(sound, slice(14_000, 16_000))[:40_000] + second)
+    assert [(round(step.before), round(step.after)) for step in result.steps] == [(0, -2000)]
 
 
 def test_the_drift_is_that_of_all_stretches_by_their_errors() -> None:
@@ -350,6 +386,14 @@ def test_an_echo_is_an_arrival_and_no_step() -> None:
     assert (result.verdict, result.lag, result.steps) == ("sure", 700, ())
     assert [round(one.lag) for one in result.arrivals] == [700, 30]
     assert result.arrivals[0].sigma > result.arrivals[1].sigma > result.judgement.needed
+
+
+def test_a_direct_sound_fainter_than_two_of_its_echoes_is_an_arrival() -> None:
+    random = np.random.default_rng(0)
+    sound = coloured(20_000, 0.5, random)
+    heard = 0.5 * np.roll(sound, 30) + np.roll(sound, 700) + 0.9 * np.roll(sound, 1500)
+    result = signal_lag(sound[2000:], heard[2000:] + 0.1 * random.normal(size=18_000))
+    assert [round(one.lag) for one in result.arrivals] == [700, 1500, 30]
 
 
 def test_long_recordings_are_judged_by_sections() -> None:
