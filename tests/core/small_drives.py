@@ -108,7 +108,7 @@ def video(
     rotation: int = 0,
     mirrored: bool = False,
     dropped: Sequence[int] = (),
-    sound: npt.NDArray[np.int16] | None = None,
+    sound: np.ndarray | None = None,
 ) -> bytes:
     """Return pictures as a video of one track or more, by default with bidirectionally predicted frames.
 
