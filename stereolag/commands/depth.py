@@ -27,16 +27,8 @@ from stereolag.commands.pairs import (
 from stereolag.figures.legends import cloud_ply, coloured_png, searched_range
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.io.arrays import npy
-from stereolag.io.disparities import (
-    DEPTH_FORMATS,
-    MAX_PNG_DEPTH_M,
-    depth_png,
-    depth_tiff,
-    kitti_png,
-    pfm,
-    read_stored_disparity,
-    too_far,
-)
+from stereolag.io.depths import DEPTH_FORMATS, MAX_PNG_DEPTH_M, depth_png, depth_tiff, too_far
+from stereolag.io.disparities import kitti_png, pfm, read_stored_disparity
 from stereolag.io.ground_truth import truth_in_px
 from stereolag.io.images import image_file
 from stereolag.io.results import figures_of
