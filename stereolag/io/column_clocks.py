@@ -44,7 +44,7 @@ _UNIT_SECONDS = {
         ("s sec second sekunde sekunden", 1.0),
         ("min minute", 60.0),
         ("h hr hour", 3600.0),
-        ("day tage doy", DAY_S),
+        ("day tage doy jd bjd hjd mjd", DAY_S),
         ("year yr jahr", 365.25 * DAY_S),
     )
     for unit in names.split()
@@ -52,10 +52,10 @@ _UNIT_SECONDS = {
 _PER_DAY = re.compile(r"\b(?:of|per) (?:the )?day\b")
 _TIME_WORDS = re.compile(
     r"time|zeit|stamp|elapsed|second|millis|micros|datum|date|julian"
-    r"|\b(?:temps|tiempo|tempo|sec|x value|ticks|[bhm]?jd)\b"
+    r"|\b(?:temps|tiempo|tempo|sec|ts|x value|[bhm]?jd)\b"
 )
 _COUNT_WORDS = re.compile(
-    r"#|\b(?:no|nr|num|number|index|idx|samples?|seq|sequence|point|row|n|id|scan|cnt|count|counter|record|x)\b"
+    r"#|\b(?:no|nr|num|number|index|idx|samples?|seq|sequence|point|row|n|id|scan|cnt|count|counter|record|ticks|x)\b"
 )
 
 _ROUNDING_BY_DIGITS = {8: DAY_S, 10: 3600.0, 12: 60.0}
@@ -125,7 +125,7 @@ def _time_column(table: Channels, names: Sequence[str]) -> int | None:
             steps = np.diff(values)
             # The last time may come first.
             falling = min((steps < 0).mean(), (steps > 0).mean()) if steps.size else 1.0
-            if falling <= (0.0 if name == "T" else _MAX_FALLING_SHARE) and values[-1] != values[0]:
+            if falling <= (0.0 if name in ("T", "Ts") else _MAX_FALLING_SHARE) and values[-1] != values[0]:
                 return index
     return 0 if rises_evenly(table[0]) or (not names[0] and _rises_steadily(table[0])) else None
 
@@ -157,12 +157,13 @@ def times_from_numbers(values: Vector, name: str) -> tuple[Times, bool]:
         times = read_stamps([f"{stamp:013.6f}" for stamp in stamps])
         if not np.isnan(times.seconds[is_valid]).any():
             return replace(times, rounding=_ROUNDING_BY_DIGITS.get(digits, rounding)), True
+    if unit == DAY_S or (unit is None and rounding <= _MAX_SERIAL_ROUNDING):
+        for zero, earliest_day, latest_day, heading in _SERIAL_DAYS:
+            if earliest_day <= first < latest_day and heading.search(_normalised(name)):
+                return Times((values - first) * DAY_S, (first - zero) * DAY_S, "1970", rounding * DAY_S), True
     if unit is None:
         low, high = UNIX_RANGE_S
         unit = next((size for size in (1.0, 1e-3, 1e-6, 1e-9) if low <= first * size < high), None)
-        for zero, earliest_day, latest_day, heading in _SERIAL_DAYS if rounding <= _MAX_SERIAL_ROUNDING else ():
-            if earliest_day <= first < latest_day and heading.search(_normalised(name)):
-                return Times((values - first) * DAY_S, (first - zero) * DAY_S, "1970", rounding * DAY_S), True
         for size, before in _TICKS:
             if low <= first * size - before < high:
                 return Times((values - first) * size, first * size - before, "1970", max(rounding, 1.0) * size), True

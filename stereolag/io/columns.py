@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import Vector
 from stereolag.core.typography import counted
-from stereolag.io.clocks import MIN_ROWS, Recording, chosen_track
+from stereolag.io.clocks import MIN_ROWS, Recording, chosen_track, rises_evenly
 from stereolag.io.column_clocks import (
     MIN_CONFORMING_SHARE,
     UNIX_RANGE_S,
@@ -322,7 +322,9 @@ def _with_decimal_points(text: str, layout: _Layout) -> str | None:
     after = numbers[1::2]
     if [*zip(numbers[::2], after, strict=False)] != [(column - 1, column) for column in after] or len(numbers) % 2:
         return None
-    if not all(row[column].isdigit() for row in rows for column in after):
+    if not all(
+        row[column].isdigit() and re.fullmatch(r"\s*[-+]?\d+", row[column - 1]) for row in rows for column in after
+    ):
         return None
     names = [name for name in layout.heading[-1:] for name in name.split(",") if _kind(name) == "word"]
     are_clear = all(
@@ -660,8 +662,8 @@ def _with_numbers(
 ) -> tuple[list[str], int | None]:
     """Return times of day with the dates in a column of numbers, 20240513, or dates with times of day, 22.58.
 
-    Also the index of that column; the texts alone and None if there is none. Beside dates that repeat, numbers are
-    times of day if the times then always rise.
+    Also the index of that column; the texts alone and None if there is none. Beside dates, numbers are
+    times of day if the times then rise evenly.
     """
     for index, number in enumerate(layout.columns_of("number")):
         values, name = table[index], layout.names[number]
@@ -669,13 +671,8 @@ def _with_numbers(
             return [f"{day:.0f} {text}" for day, text in zip(values, texts, strict=True)], index
         hours, minutes = np.divmod(np.rint(100 * values), 100)
         is_beside = not are_clocks and abs(number - column) == 1 and time_unit(name) is None
-        if (
-            is_beside
-            and minutes.any()
-            and np.allclose(values, hours + minutes / 100)
-            and 0 <= hours.min() <= hours.max() < 24
-        ):
+        if is_beside and minutes.any() and np.ptp(hours) and np.allclose(values, hours + minutes / 100):
             both = [f"{day} {hour:.0f}:{minute:.0f}" for day, hour, minute in zip(texts, hours, minutes, strict=True)]
-            if len({*texts}) < len(texts) and minutes.max() < 60 and (np.diff(read_stamps(both).seconds) > 0).all():
+            if 0 <= hours.min() <= hours.max() < 24 and minutes.max() < 60 and rises_evenly(read_stamps(both).seconds):
                 return both, index
     return texts, None

@@ -530,6 +530,11 @@ def test_thousands_may_be_set_apart(mark: str, point: str, decimals: int, row: s
     np.testing.assert_array_equal(read(text).channels, values[None])
 
 
+def test_integers_with_leading_zeros_are_no_decimals_of_other_numbers() -> None:
+    recording = read(rows(lambda i: f"{A[i]},{i % 60:02},{B[i]},{i % 24:02}"))
+    np.testing.assert_allclose(recording.channels, [A, np.arange(A.size) % 60, B, np.arange(A.size) % 24])
+
+
 @pytest.mark.parametrize("mark", [",", "."])
 def test_a_single_mark_is_of_thousands_between_numbers_as_large(mark: str) -> None:
     for numbers, factor in (("950 1,040 -2,235 12", 1), ("499,667 500 501,333 12", 1e-3)):
