@@ -92,6 +92,8 @@ _QUANTITY = re.compile(
     r"(?P<unit>(?![a-z]\s*[=:])(?:(?:1|[a-zµμ]+)? ?(?:/|\bper\b) ?)?[a-zµμ]+(?:\^?-1)?)?",
     re.IGNORECASE,
 )
+_VICON_SECTIONS = {"devices", "trajectories", "model outputs"}
+"""Headings of Vicon, above a line that holds the rate alone."""
 _SECONDS_PER_SAMPLE = re.compile(r"(?<![\d.])(?![0.]+[^\d.])(\d{1,6}(?:\.\d{1,9})?) ?(\w*sec|[mµμun]?s|min)/sample\b")
 MIN_STATED, MAX_STATED = 1e-12, 1e12
 """Bounds of the rates and intervals accepted from a heading or a variable of a file."""
@@ -474,6 +476,8 @@ def _stated_rate_and_start(layout: _Layout) -> tuple[float | None, float]:
                 beneath = next((text for field, text in under.items() if pattern.search(field)), "")
                 value = _quantity_at(line, named.end(), power, layout) or _quantity_at(beneath, 0, power, layout)
                 rate = value**power if value else None
+        if rate is None and line.lower() in _VICON_SECTIONS:
+            rate = _parse_number("".join(below))
         if rate is None and (interval := _SECONDS_PER_SAMPLE.search(line)):
             rate = 1 / (float(interval[1]) * (time_unit(interval[2]) or 1.0))
     return rate, start_s

@@ -54,6 +54,19 @@ _RARE_STAMPS: tuple[tuple[re.Pattern[str], Replacement], ...] = (
         ),
         r"\g<day>-\g<month>-\g<year> \g<clock>\g<zone>",
     ),
+    (  # Mon May 13 2024 10:15:00 GMT+0200 (Central European Summer Time), as JavaScript writes it
+        re.compile(r"\b[A-Z][a-z]{2} ([A-Z][a-z]{2}) (\d\d) ((?:19|20)\d\d) (?=\d\d:\d\d:\d\d)"),
+        r"\2-\1-\3 ",
+    ),
+    (
+        re.compile(r"(?<=\d) (?:GMT|UTC)([+-]\d{1,2}):?([0-5]\d)?\b(?: \([A-Za-z ]+\))?"),
+        lambda zone: f"{int(zone[1]):+03}:{zone[2] or '00'}",
+    ),
+    # 2024-05-13 10:15:00 0.5,1.5
+    (
+        re.compile(r"^(\d{4}-\d\d-\d\d[ T][\d:.]+) (?=[-+]?\d*\.\d+,|[-+]?\d+,[-+]?\d*\.\d)", re.MULTILINE),
+        r"\1, ",
+    ),
     # 2024-134T10:15:00, a day of the year
     (re.compile(r"(?<![\w:./-])((?:19|20)\d\d)([-:])([0-3]\d\d)(?:T|\2)(?=\d\d:\d\d)"), _calendar_date),
     (  # 2024-05-13 10:15:00 Europe/Berlin
@@ -103,7 +116,9 @@ _PLAIN = str.maketrans("\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}\N{THIN SPACE
 _COMMENT = re.compile(r"^[ \t]*(?:#(?!N/A)|%|//)[^\n]*|(?<=[\d.])[ \t]+(?:#|//)[^\n]*", re.MULTILINE)
 _SPACE_IN_VALUE = re.compile(r"(?<![\w.])([+-]) +(?=[\d.])|(?<=\d) +([AaPp]\.?[Mm]\b\.?)")
 """A space after a sign, or before AM and PM, where it does not separate columns."""
-_LOG_PREFIX = re.compile(r"^(?:(?P<time>[\d:.]+) -> |\[ *(?P<within>[\d/T-]*[ \d]*[:.][\d:.]*)\][ \t]*)", re.MULTILINE)
+_LOG_PREFIX = re.compile(
+    r"^(?:(?P<time>[\d:.]+) -> |\[ *(?P<within>(?:\d[\w/-]*)?[ \d]*[:.][\d:.]*)\][ \t]*)", re.MULTILINE
+)
 """The mark that a serial monitor (Arduino, CoolTerm) or a log writes after the time, or around it."""
 _SERIES = re.compile(
     r"^TIMESERIES (?P<name>\S+), \d+ samples?, (?P<rate>[\d.]+) sps, "

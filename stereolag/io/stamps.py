@@ -48,9 +48,9 @@ _CLOCK = (
     r"(?P<h>\d{1,5}):(?P<m>\d{1,2})(?::(?P<s>\d{1,2}))?(?:(?P<point>[.,:])(?P<f>\d{1,9}))?"
     r"|(?P<hms>\d{6})(?:[.,](?P<part>\d{1,9}))?"
 )
-_HALF_AND_ZONE = r"(?P<half>[AaPp])\.?[Mm]\.?)?\s*(?P<zone>Z|[+-]\d\d:?\d\d|(?<=\d)[+-]\d\d|[A-Z]{3,4}"
+_HALF_AND_ZONE = r"(?P<half>[AaPp])(?:\.?[Mm]\.?)?(?![A-Za-z]))?\s*(?P<zone>Z|[+-]\d\d:?\d\d|(?<=\d)[+-]\d\d|[A-Z]{3,4}"
 _STAMP = re.compile(
-    rf"(?:[A-Z][a-z]{{2,8}},? +)?(?:(?:{_DATE}):?)?(?:\s*T|\s*,|_)?\s*(?:(?:{_CLOCK})\s*(?:{_HALF_AND_ZONE})?)?"
+    rf"(?:[A-Z][a-z]{{2,8}},? +)?(?:(?:{_DATE}):?)?(?:\s*T|\s*,|[_-])?\s*(?:(?:{_CLOCK})\s*(?:{_HALF_AND_ZONE})?)?"
 )
 _ISO_STAMP = re.compile(r"(?:1[7-9]|2[01])\d\d-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d+)?")
 """An ISO time in the years that 64 bits hold in nanoseconds."""
