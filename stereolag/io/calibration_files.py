@@ -12,7 +12,6 @@ import json
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
 from typing import Any, NamedTuple, TypeAlias
 from xml.etree.ElementTree import Element, ParseError
 
@@ -20,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from defusedxml import DefusedXmlException, ElementTree
 
-from stereolag.io.arrays import NPY_MAGIC, parse_npy, reported_as_damage
+from stereolag.io.arrays import NPY_MAGIC, npz_arrays, parse_npy, reported_as_damage
 from stereolag.io.sources import ZIP_MAGIC, quote, read_archive
 
 MAX_TEXT_BYTES = 2**20
@@ -194,12 +193,16 @@ def parse_entries(data: bytes) -> Entries:
     try:
         if not is_binary:
             values = _text_values(_decoded(data))
+        elif data.startswith(MAT_MAGIC):
+            values = _leaves(_mat_variables(data))
         else:
-            if data.startswith(NPY_MAGIC):
-                rows = np.atleast_2d(parse_npy(data[: 2 * MAX_ARRAY_BYTES], "calibration").astype(np.float64))
-                values = {f"row{number}": row for number, row in enumerate(rows)}
-            else:
-                values = _npz_arrays(data) if data.startswith(ZIP_MAGIC) else _leaves(_mat_variables(data))
+            arrays = (
+                npz_arrays(read_archive(data, max_files=MAX_NAMES), "calibration")
+                if data.startswith(ZIP_MAGIC)
+                else {f"row{number}": row for number, row in enumerate(np.atleast_2d(parse_npy(data, "calibration")))}
+            )
+            # Large ones do not describe a camera.
+            values = {name: _parsed_leaf(array) for name, array in arrays.items() if array.nbytes <= MAX_ARRAY_BYTES}
     except RecursionError as error:
         raise ValueError(_TOO_DEEP) from error
     _check_names(len(values))
@@ -209,18 +212,6 @@ def parse_entries(data: bytes) -> Entries:
 def _check_names(count: int) -> None:
     if count > MAX_NAMES:
         raise ValueError(f"The calibration has {count:,} names or lines; at most {MAX_NAMES:,} are accepted.")
-
-
-def _npz_arrays(data: bytes) -> dict[str, Matrix | str]:
-    """Return the numeric arrays in an archive of NumPy, without large ones, which do not describe a camera."""
-    archive = read_archive(data, max_files=MAX_NAMES)
-    arrays: dict[str, Matrix | str] = {}
-    for name in archive.names:
-        member = archive.read(name)
-        with suppress(ValueError):  # there may be arrays of texts and objects among them
-            if len(member) <= MAX_ARRAY_BYTES:
-                arrays[name.removesuffix(".npy")] = _parsed_leaf(parse_npy(member, "calibration"))
-    return arrays
 
 
 def _mat_variables(data: bytes) -> Any:
