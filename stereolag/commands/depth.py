@@ -106,7 +106,9 @@ def _add_files(parser: CommandParser) -> None:
     add_frames(parser, "the left", "the right image")
     files = parser.add_argument_group("files")
     files.add_argument(
-        "--truth", metavar="FILE", help="ground truth to judge the map by: PFM, NPY, NPZ, MAT, PNG, PGM or TIFF"
+        "--truth",
+        metavar="FILE",
+        help="ground truth to judge the map by: PFM, EXR, FLO, NPY, NPZ, MAT, PNG, PGM or TIFF",
     )
     files.add_argument(
         "--truth-divisor",

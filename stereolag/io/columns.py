@@ -368,6 +368,8 @@ def _layout_with(lines: Sequence[tuple[int, str]], separator: str | None) -> _La
         if fits and (all(later) if has_more else 2 * sum(later) >= len(later)):
             first = row
             break
+    # Some loggers write their serial number behind the first row.
+    first -= first > 0 and len(rows[first - 1]) > width and _is_row(rows[first - 1][:width], layout)
     return replace(layout, rows=sum(fitting), first=lines[first][0])
 
 
@@ -594,7 +596,7 @@ def _columns_of_rows(rows: list[list[str]], lines: npt.NDArray[np.int64], layout
     width, needed = len(layout.kinds), max((*layout.columns_of("number"), *layout.columns_of("stamp"))) + 1
     if set(map(len, rows)) != {width}:
         for row, line in zip(rows, lines, strict=True):
-            if len(row) < needed or any(map(str.strip, row[width:])):
+            if len(row) < needed or (line != layout.first and any(map(str.strip, row[width:]))):
                 raise ValueError(
                     f"Line {line} holds {len(row)} field{'s' * (len(row) > 1)} and the lines before it {width}; "
                     "complete or remove it."

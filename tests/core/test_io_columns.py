@@ -211,6 +211,10 @@ DATED = {
     "a dash between": dated("%Y/%m/%d-%H:%M:%S.%L", "{},{},{}", "Time,A,B"),
     "CoolTerm": dated("%Y-%m-%d %H:%M:%S.%L", "{} {},{}"),
     "Tera Term": dated("[%a %b %d %H:%M:%S.%L %Y]", "{} {},{}"),
+    "Lascar, its serial number behind the first row": rows(
+        lambda i: f"{i + 1},{DATE_12(i)},{A[i]},{B[i]}" + ",010041234" * (i == 0),
+        "EL-USB-2,Time,A(V),B(V),Serial Number",
+    ),
     "Hungarian": dated("%Y. %m. %d. %H:%M:%S.%L", "{};{};{}", "Idő;A;B"),
     "Spanish": dated("%d/%m/%Y %H:%M:%S.%L a. m.", "{};{};{}", "Fecha;A;B"),
     "Japanese": dated("%Y年%m月%d日 %H:%M:%S.%L", "{},{},{}", "時刻,A,B"),
