@@ -208,8 +208,8 @@ class _Truths:
 def _numbered_as_right(name: str, pair: PairFiles) -> bool:
     """Return whether a ground truth has a number, like Middlebury's disp1.png, that is the right image's."""
     number = _SIDE_NUMBER.search(PurePosixPath(name).stem)
-    sides = [_DIGITS.findall(PurePosixPath(side).stem)[-1:] for side in (pair.left, pair.right)]
-    return bool(number and sides[0] != sides[1] and sides[0] != [number[1]])
+    left, right = (_DIGITS.findall(PurePosixPath(side).stem)[-1:] for side in (pair.left, pair.right))
+    return bool(number and left != right == [number[1]])
 
 
 class _Calibrations:

@@ -57,6 +57,7 @@ FOLDS: dict[str, tuple[list[str], str]] = {
         ["01_0.png 01_1.png 01_disp.png", "02_0.png 02_1.png 02_disp.png"],
         "02_disp_R.png",
     ),
+    "number of the pair behind": (["a/01_0.png a/01_1.png a/disp_01.png", "a/02_0.png a/02_1.png a/disp_02.png"], ""),
     "capitals behind": (
         ["imL_1.png imR_1.png dispL_1.png", "imL_2.png imR_2.png dispL_2.png"],
         "dispR_1.png dispR_2.png",
