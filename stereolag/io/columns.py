@@ -67,6 +67,7 @@ _MISSING = re.compile(
     r"|ol|err(?:or)?|invalid|[-+]?∞|[-+*?.]+)?",
     re.IGNORECASE,
 )
+_COMMENT_MARK = re.compile(r"^\s*[#%/][#%/\s]*")
 _SECTION_TITLE = re.compile(r"\[[\w ]+\]")
 """The title of a section, as in "[data]"."""
 _SENTINEL = re.compile(r"-?9{3,}(?:\.9+)?")
@@ -277,8 +278,14 @@ def _layout(text: str, with_comments: str) -> _Layout | None:
     most_rows = max(layout.rows for layout in layouts)
     likely = (layout for layout in layouts if 2 * layout.rows >= most_rows)
     best = min(likely, key=lambda layout: len(layout.columns_of("word")))
-    heading = [line.strip().lstrip("#%/ \t") for line in itertools.islice(io.StringIO(with_comments), best.first - 1)]
-    heading = [line for line in heading if line and not (len(best.kinds) > 1 and _SECTION_TITLE.fullmatch(line))]
+    # Tabs at the ends stand for columns without a name.
+    above = itertools.islice(io.StringIO(with_comments), best.first - 1)
+    heading = [_COMMENT_MARK.sub("", line.strip(" \n")) for line in above]
+    heading = [
+        line
+        for line in heading
+        if line.strip() and not (len(best.kinds) > 1 and _SECTION_TITLE.fullmatch(line.strip()))
+    ]
     rows = [row for row in _split_fields([line for _, line in probed], best.separator) if _is_row(row, best)]
     columns = [[row[column].strip() for row in rows if len(row) > column] for column in range(len(best.kinds))]
     best = replace(
@@ -360,11 +367,16 @@ def _layout_with(lines: Sequence[tuple[int, str]], separator: str | None) -> _La
     if "number" not in layout.kinds or not any(fitting):
         return None
     # A line of the heading may look like a row, but after the first row most lines are rows: all of them if the line
-    # holds text in a column that is otherwise empty.
+    # holds text in a column that is otherwise empty. Below the names, BIOPAC writes the number of samples of each
+    # channel, but not of the times in the first column.
     empty, first = layout.columns_of("missing"), fitting.index(True)
     for row, fits in enumerate(fitting):
         later = fitting[row + 1 : row + 1 + MIN_ROWS]
         has_more = any(rows[row][column].strip() for column in empty if column < len(rows[row]))
+        counts = {field.strip() for field in rows[row][1:]} - {""}
+        holds_counts = fits and not rows[row][0].strip() and len(counts) == 1 and "".join(counts).isdigit()
+        if holds_counts and all(other[0].strip() for other in rows[row + 1 : row + 1 + MIN_ROWS] if other):
+            continue
         if fits and (all(later) if has_more else 2 * sum(later) >= len(later)):
             first = row
             break
@@ -455,6 +467,8 @@ def _column_names(heading: Sequence[str], layout: _Layout, *, is_numbered: bool)
             fields = re.split(r"\s{2,}|\t", line.strip())
         while len(fields) > width and not fields[-1]:
             fields.pop()
+        if not names and "".join({*fields}).isdigit():  # BIOPAC's numbers of samples
+            continue
         if len(fields) != width or (width == 1 and names) or not any(_kind(field) == "word" for field in fields):
             break
         if names and any(
