@@ -346,7 +346,7 @@ def _find_clock(table: Channels, names: Sequence[str]) -> tuple[Times | None, li
         times, is_seconds = times_from_numbers(table[column], names[column])
         found = times, [column]
     clock, fraction = with_fractions(found[0], table, names) if is_seconds else (found[0], None)
-    return clock, found[1] + [fraction] * (fraction is not None), is_seconds
+    return clock, found[1] if fraction is None else [*found[1], fraction], is_seconds
 
 
 def with_fractions(times: Times, table: Channels, names: Sequence[str]) -> tuple[Times, int | None]:

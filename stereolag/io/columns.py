@@ -657,7 +657,8 @@ def _clock_of_stamps(
         column: date_and_clock(next((text for text in texts if is_stamp(text)), "")) for column, texts in stamps.items()
     }
     changing = [one for one, texts in stamps.items() if len({*texts}) > 1] or [one for one in stamps if parts[one][1]]
-    column, number = next(iter(changing or stamps), None), None
+    number: int | None = None
+    column = next(iter(changing or stamps), None)
     if column is None:
         return None, []
     other = next((one for one in stamps if parts[one] == (not parts[column][0], not parts[column][1])), None)

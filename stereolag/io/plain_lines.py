@@ -211,32 +211,31 @@ def columns_of_json(text: str) -> str:
     """
     if not _JSON.match(text[:HEADER_BYTES]):
         return text
-    heading, rows, lines = "", [], [line for line in text.split("\n") if line.strip()]
+    lines = [line for line in text.split("\n") if line.strip()]
+    heading, rows, table = "", list[Any](), list[dict[str, Any]]()
     with suppress(ValueError, RecursionError):
         for line in lines:
             rows.append(json.loads(line))
-    try:
+    with suppress(ValueError, RecursionError):
         tree = rows if 1 < len(rows) >= len(lines) - 1 else json.loads(text)
-    except (ValueError, RecursionError):
-        tree = None
-    if isinstance(tree, dict):
-        found = dict(_leaves(tree, "", lists=False))
-        columns = {name: leaf for name, leaf in found.items() if isinstance(leaf, list)}
-        longest = max(map(len, columns.values()), default=0)
-        heading = "".join(f"{name}: {leaf}\n" for name, leaf in found.items() if name not in columns)
-        columns = {name: leaf for name, leaf in columns.items() if len(leaf) == longest}
-        tree = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
-        if len(columns) == 1 and any(isinstance(row, dict | list) for row in next(iter(columns.values()))):
-            (tree,) = columns.values()
-    if not tree:
+        if isinstance(tree, dict):
+            found = dict(_leaves(tree, "", lists=False))
+            columns = {name: leaf for name, leaf in found.items() if isinstance(leaf, list)}
+            longest = max(map(len, columns.values()), default=0)
+            heading = "".join(f"{name}: {leaf}\n" for name, leaf in found.items() if name not in columns)
+            columns = {name: leaf for name, leaf in columns.items() if len(leaf) == longest}
+            tree = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+            if len(columns) == 1 and any(isinstance(row, dict | list) for row in next(iter(columns.values()))):
+                (tree,) = columns.values()
+        table = [dict(_leaves(row, "", lists=True)) for row in tree]
+    names = dict.fromkeys(name for row in table for name in row)
+    if not table or len(names) * len(table) > len(text):  # names of which most rows have no value
         if holds_objects(text):
             return text
         raise ValueError(f"The {WHAT} is a JSON file, which is not read: {EXPORT_NUMBERS}.")
-    table = [dict(_leaves(row, "", lists=True)) for row in tree]
-    names = dict.fromkeys(name for row in table for name in row)
-    fields = [
+    fields: list[Iterable[str]] = [
         [] if all(map(str.isdigit, names)) else names,
-        *([str(row.get(name, "")) for name in names] for row in table),
+        *([str(row.get(name, "nan")) for name in names] for row in table),
     ]
     return heading + "\n".join("\t".join(re.sub(r"\s", " ", field) for field in row) for row in fields)
 
@@ -245,7 +244,7 @@ def _leaves(tree: Any, name: str, *, lists: bool) -> Iterator[tuple[str, Any]]:
     """Yield the values in nested objects, and in lists if these are taken apart, by their names joined by points."""
     children = tree.items() if isinstance(tree, dict) else enumerate(tree) if lists and isinstance(tree, list) else None
     if children is None:
-        yield name, "" if tree is None else tree
+        yield name, "nan" if tree is None else tree
     else:
         for key, child in children:
             yield from _leaves(child, f"{name}.{key}" if name else str(key), lists=lists)

@@ -544,6 +544,16 @@ def test_thousands_may_be_set_apart(mark: str, point: str, decimals: int, row: s
     np.testing.assert_array_equal(read(text).channels, values[None])
 
 
+def test_null_in_json_is_a_missing_value_and_names_without_most_values_are_refused() -> None:
+    values = [None if index == 7 else value for index, value in enumerate(A.tolist())]
+    recording = read(json.dumps(values))
+    assert recording.mended_lines == 1
+    np.testing.assert_array_equal(np.delete(recording.channels[0], 7), np.delete(A, 7))
+    for text in ("[[" * 2000, json.dumps([{f"k{index}": [index]} for index in range(99)])):
+        with pytest.raises(ValueError, match="is a JSON file, which is not read"):
+            read(text)
+
+
 def test_integers_with_leading_zeros_are_no_decimals_of_other_numbers() -> None:
     recording = read(rows(lambda i: f"{A[i]},{i % 60:02},{B[i]},{i % 24:02}"))
     np.testing.assert_allclose(recording.channels, [A, np.arange(A.size) % 60, B, np.arange(A.size) % 24])
