@@ -413,7 +413,7 @@ def _stored_floats(data: bytes) -> npt.NDArray[Any]:
             f"The {MAP} (FLO) is cut short: {width} × {height} pixels need {12 + 8 * width * height} bytes."
         )
     across, down = np.moveaxis(np.frombuffer(data, "<f4", 2 * width * height, 12).reshape(height, width, 2), 2, 0)
-    if (np.abs(down) < MAX_DISPARITY_PX).any() and np.abs(down[np.abs(down) < MAX_DISPARITY_PX]).max() > 1:
+    if np.abs(down, where=np.abs(down) < MAX_DISPARITY_PX, out=np.zeros_like(down)).max(initial=0.0) > 1:
         raise ValueError(f"The {MAP} (FLO) holds motion down or up, which disparities of a rectified pair have not.")
     return -across
 
