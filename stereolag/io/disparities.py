@@ -48,16 +48,16 @@ def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArr
     -------
     disparity
         (rows, cols) float32, px, positive in front of infinity; NaN where the file marks a pixel as unknown: by 0 in an
-        image of integers, and by 65535 if all others are below 32768; otherwise by NaN, infinity or numbers from 1e9
-        on, by -9999 and the like, by a repeated whole number if it is the only negative one, by OpenCV's minDisparity
-        - 1, also if positive, which fills a whole side of a map in 1/16 px, and by 0 at 100 pixels and more if all
-        others are above 1 px.
+        image of integers, and by 65535 at 100 pixels and more if all others are below 32768; otherwise by NaN, infinity
+        or numbers from 1e9 on, by -9999 and the like, by a repeated whole number if it is the only negative one, by
+        OpenCV's minDisparity - 1, also if positive, which fills a whole side of a map in 1/16 px, and by 0 at 100
+        pixels and more if all others are above 1 px.
 
     Raises
     ------
     ValueError
-        An empty, damaged or unknown file, a colour image, more megapixels than the limit in force, no
-        pixel with a disparity, 8-bit integers without a divisor, or a divisor of 0.
+        An empty, damaged or unknown file, a colour image, more megapixels than the limit in force, no pixel with a
+        disparity, 8-bit integers without a divisor, or a divisor of 0.
 
     Examples
     --------
@@ -104,8 +104,8 @@ MIN_OPENCV_FRACTIONS = 4
 """Minimum number of different sixteenths among the disparities of OpenCV's sub-pixel fit: scenes made by hand have
 fewer."""
 
-MIN_ZEROS = 100
-"""Minimum number of pixels that are 0, all others being farther than 1 px, for 0 to mark unknown ones in an array."""
+MIN_MARKED = 100
+"""Minimum number of pixels with the same number, far from all others, for it to mark unknown ones: 0 or 65535."""
 
 _EXR_MAGIC, _FLO_MAGIC = b"v/1\x01", b"PIEH"
 _UNSUPPORTED = {
@@ -194,11 +194,9 @@ def read_stored_disparity(source: Source) -> StoredDisparity:
         marker = _opencv_marker(signed)
         if marker and marker[0] < 0:
             return StoredDisparity(signed, float(OPENCV_SCALE), marker)
-        full = (
-            (float(MAX_UINT16),)
-            if stored.dtype == np.uint16 and stored[stored < MAX_UINT16].max(initial=0) < 2**15
-            else ()
-        )
+        below = stored[stored < MAX_UINT16]
+        is_full = stored.size - below.size >= MIN_MARKED and below.max(initial=0) < 2**15
+        full = (float(MAX_UINT16),) if stored.dtype == np.uint16 and is_full else ()
         return StoredDisparity(stored, None if stored.dtype == np.uint8 else float(KITTI_SCALE), (0.0, *full))
     divisor = float(OPENCV_SCALE) if stored.dtype == np.int16 else 1.0
     marker = _negative_marker(stored) or _opencv_marker(stored) or _zero_marker(stored, divisor)
@@ -221,7 +219,7 @@ def _zero_marker(stored: npt.NDArray[Any], divisor: float) -> tuple[float, ...]:
     """Return 0 if it marks the unknown pixels of an array: it is there often, nothing is near it, and nothing below."""
     known = stored[stored != 0]
     is_marker = (
-        stored.size - known.size >= MIN_ZEROS and known.size and np.isfinite(known).all() and known.min() > divisor
+        stored.size - known.size >= MIN_MARKED and known.size and np.isfinite(known).all() and known.min() > divisor
     )
     return (0.0,) if is_marker else ()
 
@@ -427,8 +425,9 @@ def _parse_exr(data: bytes) -> npt.NDArray[Any]:
     check_pixels(right - left + 1, bottom - top + 1, MAP)
     try:
         decoder: Any = av.CodecContext.create("exr", "r")
-        (frame,) = [*decoder.decode(av.Packet(data)), *decoder.decode(None)]
-    except (av.FFmpegError, ValueError) as error:
+        frames: list[Any] = decoder.decode(av.Packet(data)) + decoder.decode(None)
+        frame = frames[0]
+    except (av.FFmpegError, IndexError) as error:
         raise ValueError(
             f"The {MAP} is an OpenEXR file without a channel Y or channels RGB, or damaged: save its channel as .npy."
         ) from error
@@ -436,7 +435,9 @@ def _parse_exr(data: bytes) -> npt.NDArray[Any]:
         np.dtype("<f2" if "f16" in frame.format.name else "<f4"),
         (0,) if "gray" in frame.format.name else (2, 0, 1),
     )
-    planes = [np.frombuffer(frame.planes[plane], dtype).reshape(frame.height, -1)[:, : frame.width] for plane in order]
+    planes: list[npt.NDArray[Any]] = [
+        np.frombuffer(frame.planes[plane], dtype).reshape(frame.height, -1)[:, : frame.width] for plane in order
+    ]
     return planes[0] if len(planes) == 1 else np.stack(planes, axis=2)
 
 

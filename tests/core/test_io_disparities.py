@@ -217,7 +217,7 @@ def test_8_bits_with_a_divisor(pixels, divisor):
         (pfm(np.array([[3, 7]], np.uint8)), None, [[3, 7]]),
         (b"PF\n2 1\n-1\n" + np.repeat([3, 7], 3).astype("<f4").tobytes(), None, [[3, 7]]),
         (png(np.repeat(np.array([[[24], [8]]], np.uint8), 3, axis=2)), 4, [[6, 2]]),
-        (png(np.array([[65535, 0, 512]], np.uint16)), None, [[np.nan, np.nan, 2]]),
+        (png(np.full((100, 3), [65535, 0, 512], np.uint16)), None, np.full((100, 3), [np.nan, np.nan, 2])),
         (flo(np.array([[[-3.5, 0.1], [1e10, 1e10]]])), None, [[3.5, np.nan]]),
         (npy(np.repeat([[0, 7.5]], 100, axis=0)), None, np.repeat([[np.nan, 7.5]], 100, axis=0)),
         (npy(np.repeat([[0, 0.5]], 100, axis=0)), None, np.repeat([[0, 0.5]], 100, axis=0)),  # near others
