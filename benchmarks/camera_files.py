@@ -11,6 +11,8 @@ import numpy as np
 import scipy
 import yaml
 
+from stereolag.io.arrays import npy
+
 SIZE = (640, 480)
 M1 = np.array([[532.8, 0, 342.5], [0, 532.9, 234.1], [0, 0, 1]])
 M2 = np.array([[537.4, 0, 327.1], [0, 537.0, 250.0], [0, 0, 1]])
@@ -141,6 +143,8 @@ RAW: dict[str, Callable[[], list[bytes]]] = {
     ],
     "YAML, its lists in lines": lambda: [as_yaml(False, **BOTH_CAMERAS)],
     "YAML, its lists in brackets": lambda: [as_yaml(True, **BOTH_CAMERAS)],
+    "YAML in UTF-16": lambda: [as_yaml(True, **BOTH_CAMERAS).decode().encode("utf-16")],
+    "YAML in Latin-1": lambda: ["# Kamera für Übungen\n".encode("latin-1") + as_yaml(True, **BOTH_CAMERAS)],
     "Kalibr": lambda: [kalibr()],
     **{f"NPZ, {next(iter(names))}": lambda names=names: [npz(**names)] for names in NAMES},
     "a rotation vector": lambda: [npz(**(BOTH_CAMERAS | {"R": cv2.Rodrigues(R)[0]}))],
@@ -165,10 +169,13 @@ RECTIFYING: dict[str, Callable[[], list[bytes]]] = {
 }
 """Both cameras, with the rectification of the software that made the file."""
 
+SINGLE_NUMBERS = {"fx": P1[0, 0], "fy": P1[0, 0], "cx": P1[0, 2], "cy": P1[1, 2], "baseline": -P2[0, 3] / P2[0, 0]}
 RECTIFIED: dict[str, Callable[[], list[bytes]]] = {
     "Q in YAML": lambda: [opencv(".yml", Q=Q, image_size=np.array(SIZE))],
     "Q in XML": lambda: [opencv(".xml", Q=Q, image_width=640, image_height=480)],
     "Q in NPZ": lambda: [npz(Q=Q)],
+    "Q in NPY": lambda: [npy(Q)],
+    "Q in rows": lambda: ["\n".join(" ".join(map(str, row)) for row in Q).encode()],
     "P1 and P2": lambda: [opencv(".json", P1=P1, P2=P2)],
     "ROS, right camera": lambda: [ros("right")],
     "KITTI": lambda: [
@@ -179,6 +186,13 @@ RECTIFIED: dict[str, Callable[[], list[bytes]]] = {
         f"cam0=[{P1[0, 0]} 0 {P1[0, 2]}; 0 {P1[0, 0]} {P1[1, 2]}; 0 0 1]\ncam1=[1 0 0; 0 1 0; 0 0 1]\ndoffs=0\n"
         f"baseline={-P2[0, 3] / P2[0, 0] * 1000}\nwidth=640\nheight=480\nndisp=64\n".encode()
     ],
+    "a name and a number a line": lambda: [
+        "\n".join(f"{name} {value}" for name, value in SINGLE_NUMBERS.items()).encode()
+    ],
+    "single numbers, nested": lambda: [
+        as_json(intrinsics=SINGLE_NUMBERS, baseline=SINGLE_NUMBERS["baseline"], width=640, height=480)
+    ],
+    "a matrix and a baseline": lambda: [opencv(".yml", mtx=P1[:, :3], baselineLR=SINGLE_NUMBERS["baseline"])],
     "stereodemo": lambda: [
         as_json(
             comment="a camera", width=640, height=480, fx=P1[0, 0], fy=P1[0, 0], cx0=P1[0, 2], cx1=P2[0, 2],

@@ -327,11 +327,11 @@ def signals() -> dict[str, Case]:
 def disparities() -> dict[str, Case]:
     return {
         "PGM, 60 MB of comments": (lambda: b"P5" + b"#\n" * (30 * MB), "no size and largest value"),
-        "PFM, 60 MB of spaces": (lambda: b"Pf" + b" " * (60 * MB), "not a grey PFM"),
-        "PFM, 60 MB of scale": (lambda: b"Pf 2 2 " + b"1" * (60 * MB), "not a grey PFM"),
+        "PFM, 60 MB of spaces": (lambda: b"Pf" + b" " * (60 * MB), "is not a PFM"),
+        "PFM, 60 MB of scale": (lambda: b"Pf 2 2 " + b"1" * (60 * MB), "is not a PFM"),
         "PFM, scale 1e999": (lambda: b"Pf\n2 2\n1e999\n" + bytes(16), "scale 1e999"),
         "PFM, scale nan": (lambda: b"Pf\n2 2\nnan\n" + bytes(16), "scale nan"),
-        "PFM, other digits": (lambda: "Pf\n² ²\n1\n".encode() + bytes(16), "not a grey PFM"),
+        "PFM, other digits": (lambda: "Pf\n² ²\n1\n".encode() + bytes(16), "is not a PFM"),
         "PFM, 10^18 pixels": (lambda: b"Pf\n999999999 999999999\n1\n", "at most 50 megapixels"),
         "PFM, 49 megapixels, big-endian": (lambda: b"Pf\n7000 7000\n1\n" + np.ones(49_000_000, ">f4").tobytes(), READ),
         "PFM, numbers of 1e38": (lambda: b"Pf\n2 2\n-1\n" + np.full(4, 1e38, "<f4").tobytes(), "no disparity at all"),

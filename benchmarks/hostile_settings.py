@@ -152,10 +152,10 @@ def trees() -> dict[str, Case]:
         "NPZ, 900 arrays of 64 kB": (lambda: archive(**{f"a{n}": q + bytes(60_000) for n in range(900)}), ""),
         "NPZ, 30,000 members": (lambda: members(30_000), "has a directory of"),
         "NPZ, of 17 MB": (lambda: b"PK\x03\x04" + bytes(17 * MB), "at most 16,777,216 are accepted"),
-        "NPZ, pickled objects": (pickled, "no known format"),
+        "NPZ, pickled objects": (pickled, "holds object"),
         "NPZ, an array that claims 10^12 numbers": (
             lambda: archive(Q=saved(np.eye(4)).replace(b"(4, 4)", b"(1000000, 1000000)")),
-            "no known format",
+            "is cut short",
         ),
         "NPZ, cut short": (lambda: archive(Q=q)[:-30], "damaged or cut short"),
         "NPZ, a wrong checksum": (
@@ -194,7 +194,7 @@ def calibrations() -> dict[str, Case]:
         "100,000 assignments": (lambda: b"".join(b"k%d=1\n" % i for i in range(80_000)), "80,000 names or lines"),
         "60 MB": (lambda: b" " * (60 * MB), "at most 1,048,576 are accepted"),
         **trees(),
-        "not UTF-8": (lambda: b"\xff" + plain(), "not a text file"),
+        "not UTF-8": (lambda: b"\xff" + plain(), "cannot be parsed"),
     }
 
 

@@ -7,7 +7,8 @@ from .geometry.calibrating import calibrate
 from .geometry.calibration import Calibration
 from .geometry.rectification import Rectified, rectify
 from .io.calibrations import read_calibration
-from .io.disparities import read_depth, read_disparity, write_depth, write_disparity
+from .io.depths import read_depth, write_depth
+from .io.disparities import read_disparity, write_disparity
 from .io.images import read_image
 from .io.recordings import read_signal
 from .io.settings import read_matcher, write_matcher

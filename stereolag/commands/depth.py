@@ -27,16 +27,8 @@ from stereolag.commands.pairs import (
 from stereolag.figures.legends import cloud_ply, coloured_png, searched_range
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.io.arrays import npy
-from stereolag.io.disparities import (
-    DEPTH_FORMATS,
-    MAX_PNG_DEPTH_M,
-    depth_png,
-    depth_tiff,
-    kitti_png,
-    pfm,
-    read_stored_disparity,
-    too_far,
-)
+from stereolag.io.depths import DEPTH_FORMATS, MAX_PNG_DEPTH_M, depth_png, depth_tiff, too_far
+from stereolag.io.disparities import kitti_png, pfm, read_stored_disparity
 from stereolag.io.ground_truth import truth_in_px
 from stereolag.io.images import image_file
 from stereolag.io.results import figures_of
@@ -114,7 +106,9 @@ def _add_files(parser: CommandParser) -> None:
     add_frames(parser, "the left", "the right image")
     files = parser.add_argument_group("files")
     files.add_argument(
-        "--truth", metavar="FILE", help="ground truth to judge the map by: PFM, NPY, NPZ, MAT, PNG, PGM or TIFF"
+        "--truth",
+        metavar="FILE",
+        help="ground truth to judge the map by: PFM, EXR, FLO, NPY, NPZ, MAT, PNG, PGM or TIFF",
     )
     files.add_argument(
         "--truth-divisor",

@@ -26,7 +26,7 @@ from stereolag.figures.pictures import (
     png,
 )
 from stereolag.geometry.calibration import Calibration
-from stereolag.io.disparities import ply
+from stereolag.io.depths import ply
 from stereolag.io.images import image_png
 from stereolag.stereo.matcher import DisparityMap
 

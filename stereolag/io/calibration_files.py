@@ -6,12 +6,12 @@ interpret the names.
 
 from __future__ import annotations
 
+import codecs
 import io
 import json
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
 from typing import Any, NamedTuple, TypeAlias
 from xml.etree.ElementTree import Element, ParseError
 
@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from defusedxml import DefusedXmlException, ElementTree
 
-from stereolag.io.arrays import parse_npy, reported_as_damage
+from stereolag.io.arrays import NPY_MAGIC, npz_arrays, parse_npy, reported_as_damage
 from stereolag.io.sources import ZIP_MAGIC, quote, read_archive
 
 MAX_TEXT_BYTES = 2**20
@@ -161,8 +161,10 @@ def names_found(names: Iterable[str]) -> str:
 
 _ASSIGNMENT = re.compile(r"^[ \t]*([\w.]+)[ \t]*=[ \t]*(\S.*)$")
 _NUMBER = r"(?:[-+]?[\d.][-+.\deE]*|nan|inf)"
-_NAMED_ROW = re.compile(rf"^[ \t]*(\w+):?[ \t]+({_NUMBER}(?:[ \t]+{_NUMBER})+)[ \t]*$")
+_NAMED_ROW = re.compile(rf"^[ \t]*(\w+):?[ \t]+({_NUMBER}(?:[ \t]+{_NUMBER})*)[ \t]*$")
 _SECTION = re.compile(r"^[ \t]*\[[ \t]*([A-Za-z][\w /.-]*)\][ \t]*$")
+_CONTROLS = re.compile(r"[\0-\x08\x0e-\x1f\x80-\x9f]")
+"""Characters that no text in Latin-1 holds, but pickles and pictures do."""
 _OPENCV_DIRECTIVE = re.compile(r"\A\s*%YAML:[^\n]*")
 """OpenCV writes ``%YAML:1.0``, which is not a YAML directive."""
 
@@ -181,7 +183,7 @@ def parse_entries(data: bytes) -> Entries:
     ValueError
         A file that is too large or cannot be parsed, or a matrix whose size differs from the declared one.
     """
-    is_binary = data.startswith((ZIP_MAGIC, *MAT_MAGIC))
+    is_binary = data.startswith((NPY_MAGIC, ZIP_MAGIC, *MAT_MAGIC))
     max_bytes = MAX_ARCHIVE_BYTES if is_binary else MAX_TEXT_BYTES
     if len(data) > max_bytes:
         raise ValueError(
@@ -191,8 +193,16 @@ def parse_entries(data: bytes) -> Entries:
     try:
         if not is_binary:
             values = _text_values(_decoded(data))
+        elif data.startswith(MAT_MAGIC):
+            values = _leaves(_mat_variables(data))
         else:
-            values = _npz_arrays(data) if data.startswith(ZIP_MAGIC) else _leaves(_mat_variables(data))
+            arrays = (
+                npz_arrays(read_archive(data, max_files=MAX_NAMES), "calibration")
+                if data.startswith(ZIP_MAGIC)
+                else {f"row{number}": row for number, row in enumerate(np.atleast_2d(parse_npy(data, "calibration")))}
+            )
+            # Large ones do not describe a camera.
+            values = {name: _parsed_leaf(array) for name, array in arrays.items() if array.nbytes <= MAX_ARRAY_BYTES}
     except RecursionError as error:
         raise ValueError(_TOO_DEEP) from error
     _check_names(len(values))
@@ -202,18 +212,6 @@ def parse_entries(data: bytes) -> Entries:
 def _check_names(count: int) -> None:
     if count > MAX_NAMES:
         raise ValueError(f"The calibration has {count:,} names or lines; at most {MAX_NAMES:,} are accepted.")
-
-
-def _npz_arrays(data: bytes) -> dict[str, Matrix | str]:
-    """Return the numeric arrays in an archive of NumPy, without large ones, which do not describe a camera."""
-    archive = read_archive(data, max_files=MAX_NAMES)
-    arrays: dict[str, Matrix | str] = {}
-    for name in archive.names:
-        member = archive.read(name)
-        with suppress(ValueError):  # there may be arrays of texts and objects among them
-            if len(member) <= MAX_ARRAY_BYTES:
-                arrays[name.removesuffix(".npy")] = _parsed_leaf(parse_npy(member, "calibration"))
-    return arrays
 
 
 def _mat_variables(data: bytes) -> Any:
@@ -245,11 +243,13 @@ def _as_lists(tree: Any) -> Any:
 
 def _decoded(data: bytes) -> str:
     try:
-        text = data.decode("utf-8-sig")
+        text = data.decode("utf-16" if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8-sig")
     except UnicodeDecodeError as error:
-        raise ValueError(
-            "The calibration is not a text file (UTF-8), an .npz of NumPy or a .mat; save pickles as one of these."
-        ) from error
+        text = data.decode("latin-1")
+        if _CONTROLS.search(text):
+            raise ValueError(
+                "The calibration is not a text file, an .npy or .npz of NumPy or a .mat; save pickles as one of these."
+            ) from error
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
         raise ValueError(f"Line {line} of the calibration holds a NUL byte; allowed is plain text.")
@@ -272,7 +272,7 @@ def _text_values(text: str) -> dict[str, Matrix | str]:
     if lines and len(lines) <= MAX_NAMES and not any(isinstance(_parsed_leaf(line), str) for line in lines):
         return {f"row{number}": _parsed_leaf(line) for number, line in enumerate(lines)}
     rows = [match for line in lines if (match := _NAMED_ROW.match(line))]
-    if any(match[1].startswith("P") for match in rows):
+    if any(match[1].startswith("P") for match in rows) or 0 < len(rows) == len(lines):
         _check_names(len(lines))
         return {match[1]: _parsed_leaf(match[2]) for match in rows}
     return _leaves(_yaml(text))

@@ -297,7 +297,7 @@ def kitti(left: int, right: int) -> Reader:
 
 
 def _rows(entries: Entries) -> list[Parts]:
-    """Read rows of numbers without names: two projections, or a matrix and a baseline (the learned matchers' K.txt)."""
+    """Read numbers without names: two projections, Q, or a matrix and a baseline (the learned matchers' K.txt)."""
     entries.used.update(entries)
     values = np.concatenate([entry.numbers() for entry in entries.values()])
     if values.size == 10:
@@ -307,11 +307,13 @@ def _rows(entries: Entries) -> list[Parts]:
                 "baseline": numeric_entry("the last", values[9:]),
             }
         ]
+    if values.size == 16:
+        return [{"Q": numeric_entry("the rows", values)}]
     if values.size >= 24 and entries["row0"].numbers().size in (4, 12):
         return [{f"P{side}": numeric_entry(f"row{side}", values[12 * side - 12 : 12 * side]) for side in (1, 2)}]
     raise ValueError(
         f"The calibration is {values.size} numbers without names; accepted are a camera matrix and the baseline (9 and "
-        "1), or two projections (12 each)."
+        "1), Q (16), or two projections (12 each)."
     )
 
 
@@ -436,7 +438,7 @@ def _cityscapes(entries: Entries) -> list[Parts]:
     return [parts]
 
 
-FOCAL_NAMES = "focal_px|fx|focal_length_px"
+FOCAL_NAMES = "focal_px|fx|focal_length_px|focal_length|intrinsics.fx|intrinsic.fx"
 LAYOUTS = (
     Layout("ZED", (r"LEFT_CAM_\w+\.fx", r"STEREO\.Baseline"), _zed, "mm", ignored=r"MISC\..*|STEREO\..*"),
     Layout("DepthAI", (r"cameraData\.0\.0",), _depthai, "cm", ignored=".*"),
@@ -471,17 +473,19 @@ LAYOUTS = (
                 focal=FOCAL_NAMES,
                 baseline=baseline,
                 doffs="doffs_px|doffs",
-                cx="cx|cx0",
+                cx="cx|cx0|intrinsics.cx|intrinsic.cx",
                 cx2="cx1",
-                cy="cy|cy0|cy1",
+                cy="cy|cy0|cy1|intrinsics.cy|intrinsic.cy",
                 turn="turn",
             ),
             unit,
-            ignored="fy|left_image_rect_normalized",
+            unit_is_fixed=baseline != "baseline",
+            ignored=r"(intrinsics?\.)?fy|left_image_rect_normalized",
         )
         for marks, baseline, unit in (
             (("baseline_mm",), "baseline_mm", "mm"),
             (("baseline_cm",), "baseline_cm", "cm"),
+            (("baseline",), "baseline", "m"),
             ((), "baseline_m|baseline_meters|baseline_metres", "m"),
         )
     ),

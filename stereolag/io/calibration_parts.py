@@ -264,7 +264,12 @@ def parts_by_meaning(entries: Entries) -> list[Parts]:
     if "R" not in parts and (known := pose_from_common_frame(poses)) is not None:
         parts |= known
         in_metres = True
-    if len(lone) == 1:
+    baseline = (
+        entries.match("baseline(LR)?") if "M1" in parts and not {"M2", "R", "T", "P1", "P2"} & set(parts) else None
+    )
+    if baseline is not None and not (parts["D1"].numbers().any() if "D1" in parts else False):
+        parts["baseline"] = baseline
+    elif len(lone) == 1:
         _complete_projections(parts, files[lone[0]])
     if "T" in parts and parts["T"].numbers().size in (12, 16):  # rotation and translation
         transform = parts["T"].numbers().reshape(-1, 4)

@@ -23,7 +23,7 @@ from stereolag.io.calibration_parts import FISHEYE, Parts, lens_of, unused_names
 from stereolag.io.sources import Source, quote, read_bytes
 from stereolag.version import VERSION
 
-CALIBRATION_SUFFIXES = ("txt", "yaml", "yml", "json", "xml", "npz", "mat", "conf", "ini")
+CALIBRATION_SUFFIXES = ("txt", "yaml", "yml", "json", "xml", "npy", "npz", "mat", "conf", "ini")
 
 DEFAULT_MODE_SIZE = (1280, 720)
 """Size of pictures whose calibration is returned for a camera with several sizes; `modes` has the others."""
@@ -39,8 +39,8 @@ def read_calibration(*sources: Source, length_unit_m: float | None = None) -> Ca
     DepthAI (OAK), RealSense, ROS (YAML, ``ost.txt``), MATLAB (structs as JSON or MAT), Middlebury, KITTI (the colour
     cameras 2 and 3, which took the images of its stereo benchmarks, before the grey 0 and 1), DrivingStereo,
     Cityscapes, DSEC, ORB-SLAM, VINS, OKVIS, Basalt, MRPT, MC-Calib, cvkit, ``K.txt``, stereodemo; JSON with
-    ``focal_px`` and ``baseline_m``; and YAML, XML, JSON, NPZ or MAT with both cameras (M1, D1, M2, D2, R, T and other
-    common names, such as Kalibr's) or the rectified pair (Q, or P1 and P2). Lenses are pinholes with OpenCV's
+    ``focal_px`` and ``baseline_m``; and YAML, XML, JSON, NPY, NPZ or MAT with both cameras (M1, D1, M2, D2, R, T and
+    other common names, such as Kalibr's) or the rectified pair (Q, or P1 and P2). Lenses are pinholes with OpenCV's
     distortion, or fisheyes that the file declares as such (``cv2.fisheye``, Kalibr's equidistant).
 
     Parameters

@@ -38,22 +38,24 @@ MIN_GAP_ROWS = 3
 _UNIT_SECONDS = {
     unit: seconds
     for names, seconds in (
-        ("ns nanosecond", 1e-9),
-        ("us µs μs usec micro microsecond", 1e-6),
-        ("ms msec milli millisecond", 1e-3),
+        ("ns nsec nanosec nanosecond", 1e-9),
+        ("us µs μs usec micro microsec microsecond", 1e-6),
+        ("ms msec milli millisec millisecond", 1e-3),
         ("s sec second sekunde sekunden", 1.0),
         ("min minute", 60.0),
         ("h hr hour", 3600.0),
-        ("day tage", DAY_S),
+        ("day tage doy jd bjd hjd mjd", DAY_S),
+        ("year yr jahr", 365.25 * DAY_S),
     )
     for unit in names.split()
 }
 _PER_DAY = re.compile(r"\b(?:of|per) (?:the )?day\b")
 _TIME_WORDS = re.compile(
-    r"time|zeit|stamp|elapsed|second|millis|micros|datum|date|\b(?:temps|tiempo|tempo|sec|x value)\b"
+    r"time|zeit|stamp|elapsed|second|millis|micros|datum|date|julian"
+    r"|\b(?:temps|tiempo|tempo|sec|ts|x value|[bhm]?jd)\b"
 )
 _COUNT_WORDS = re.compile(
-    r"#|\b(?:no|nr|num|number|index|idx|samples?|sequence|point|row|n|id|scan|cnt|count|counter|record|x)\b"
+    r"#|\b(?:no|nr|num|number|index|idx|samples?|seq|sequence|point|row|n|id|scan|cnt|count|counter|record|ticks|x)\b"
 )
 
 _ROUNDING_BY_DIGITS = {8: DAY_S, 10: 3600.0, 12: 60.0}
@@ -68,8 +70,16 @@ _YYMMDD_RANGE = 100_000, 500_000
 
 UNIX_RANGE_S = 1e9, 4e9
 """Unix times taken for dates, s: the years 2001 to 2096."""
-_SERIAL_DAY_RANGES = ((25_569, 36_000, 73_000), (719_529, 730_000, 767_000))
-"""Serial days of spreadsheets and MATLAB: the number of 1970-01-01, and the range taken for dates."""
+_SERIAL_DAYS = (
+    (40_587, 45_000, 100_000, re.compile(r"\bmjd\b")),
+    (25_569, 36_000, 73_000, _TIME_WORDS),
+    (719_529, 730_000, 767_000, _TIME_WORDS),
+    (2_440_587.5, 2_450_000, 2_490_000, _TIME_WORDS),
+)
+"""Modified Julian days, those of spreadsheets and of MATLAB, and Julian days: the number of 1970-01-01, the range taken
+for dates, and the headings under which they are."""
+_TICKS = ((1e-7, 62_135_596_800.0), (1e-7, 11_644_473_600.0), (1e-6, 11_644_473_600.0))
+"""Counts since the years 1 and 1601, of .NET, Windows and WebKit: their unit, s, and the seconds to 1970."""
 _MAX_SERIAL_ROUNDING = 1e-5
 """Rounding of serial days, about a second, above which they are not taken for times."""
 _COUNTER_SIZE = 2**32
@@ -84,7 +94,7 @@ def column_name(number: int, name: str) -> str:
 
 
 def _normalised(name: str) -> str:
-    return name.lower().replace("_", " ")
+    return re.sub(r"(?<=[a-z]{2})(?=[A-Z])", " ", name).lower().replace("_", " ")
 
 
 def time_unit(name: str) -> float | None:
@@ -115,7 +125,7 @@ def _time_column(table: Channels, names: Sequence[str]) -> int | None:
             steps = np.diff(values)
             # The last time may come first.
             falling = min((steps < 0).mean(), (steps > 0).mean()) if steps.size else 1.0
-            if falling <= (0.0 if name == "T" else _MAX_FALLING_SHARE) and values[-1] != values[0]:
+            if falling <= (0.0 if name in ("T", "Ts") else _MAX_FALLING_SHARE) and values[-1] != values[0]:
                 return index
     return 0 if rises_evenly(table[0]) or (not names[0] and _rises_steadily(table[0])) else None
 
@@ -147,12 +157,16 @@ def times_from_numbers(values: Vector, name: str) -> tuple[Times, bool]:
         times = read_stamps([f"{stamp:013.6f}" for stamp in stamps])
         if not np.isnan(times.seconds[is_valid]).any():
             return replace(times, rounding=_ROUNDING_BY_DIGITS.get(digits, rounding)), True
+    if unit == DAY_S or (unit is None and rounding <= _MAX_SERIAL_ROUNDING):
+        for zero, earliest_day, latest_day, heading in _SERIAL_DAYS:
+            if earliest_day <= first < latest_day and heading.search(_normalised(name)):
+                return Times((values - first) * DAY_S, (first - zero) * DAY_S, "1970", rounding * DAY_S), True
     if unit is None:
         low, high = UNIX_RANGE_S
         unit = next((size for size in (1.0, 1e-3, 1e-6, 1e-9) if low <= first * size < high), None)
-        for zero, low, high in _SERIAL_DAY_RANGES if is_time_heading(name) and rounding <= _MAX_SERIAL_ROUNDING else ():
-            if low <= first < high:
-                return Times((values - first) * DAY_S, (first - zero) * DAY_S, "1970", rounding * DAY_S), True
+        for size, before in _TICKS:
+            if low <= first * size - before < high:
+                return Times((values - first) * size, first * size - before, "1970", max(rounding, 1.0) * size), True
     is_count = (
         unit is None and not is_time_heading(name) and (rounding >= 1 or bool(_COUNT_WORDS.search(_normalised(name))))
     )
@@ -324,14 +338,26 @@ def _find_clock(table: Channels, names: Sequence[str]) -> tuple[Times | None, li
 
     Times that are not seconds are counts of an unknown unit.
     """
-    found = _clock_from_parts(table, names) or _clock_from_digits(table, names)
-    if found:
-        return *found, True
-    column = _time_column(table, names)
-    if column is None:
-        return None, [], True
-    clock, is_seconds = times_from_numbers(table[column], names[column])
-    return clock, [column], is_seconds
+    found, is_seconds = _clock_from_parts(table, names) or _clock_from_digits(table, names), True
+    if found is None:
+        column = _time_column(table, names)
+        if column is None:
+            return None, [], True
+        times, is_seconds = times_from_numbers(table[column], names[column])
+        found = times, [column]
+    clock, fraction = with_fractions(found[0], table, names) if is_seconds else (found[0], None)
+    return clock, found[1] if fraction is None else [*found[1], fraction], is_seconds
+
+
+def with_fractions(times: Times, table: Channels, names: Sequence[str]) -> tuple[Times, int | None]:
+    """Return times with the fractions of their seconds, and the index of the column of these, None if there is none."""
+    for index, name in enumerate(names):
+        unit = time_unit(name) or 0.0
+        fraction = table[index] * unit
+        if unit < times.rounding <= 1 and fraction.min() >= 0 and 0 < fraction.max() < 1:
+            seconds, start_s = times.seconds + fraction - fraction[0], times.start_s + float(fraction[0])
+            return Times(seconds, start_s, times.epoch, rounding_step(table[index]) * unit), index
+    return times, None
 
 
 def _counter_wraps(values: Vector) -> npt.NDArray[np.int64]:

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import Vector
 from stereolag.core.typography import counted
-from stereolag.io.clocks import MIN_ROWS, Recording, chosen_track
+from stereolag.io.clocks import MIN_ROWS, Recording, chosen_track, rises_evenly
 from stereolag.io.column_clocks import (
     MIN_CONFORMING_SHARE,
     UNIX_RANGE_S,
@@ -25,10 +25,12 @@ from stereolag.io.column_clocks import (
     is_time_heading,
     recording_from_table,
     time_unit,
+    with_fractions,
 )
 from stereolag.io.formats import WHAT
 from stereolag.io.plain_lines import (
     ALLOWED,
+    columns_of_json,
     decode_text,
     holds_objects,
     with_plain_values,
@@ -37,7 +39,7 @@ from stereolag.io.plain_lines import (
     without_nuls,
 )
 from stereolag.io.sources import quote
-from stereolag.io.stamps import Times, date_and_clock, is_stamp, read_stamps, rounding_step
+from stereolag.io.stamps import Times, date_and_clock, is_stamp, read_stamps
 
 BLOCK_SIZE = 2**20
 """Characters parsed at a time."""
@@ -61,9 +63,11 @@ Kind: TypeAlias = Literal["number", "stamp", "word", "missing"]
 
 _SEPARATORS = (";", "\t", ",", "|", None)
 _MISSING = re.compile(
-    r"(?:[-+]?(?:1\.#\w+|nan(?:\(\w*\))?)|n\.?/?a\.?|#n/a|#\w+[!?]|null|none|nil|missing|(?-i:MM)|burnout|over\w*|[-+]?∞|[-+*?.]+)?",
+    r"(?:[-+]?(?:1\.#\w+|nan(?:\(\w*\))?)|n\.?/?a\.?|#n/a|#[^\s,;]+[!?]|null|none|nil|missing|(?-i:MM)|burnout|over\w*"
+    r"|ol|err(?:or)?|invalid|[-+]?∞|[-+*?.]+)?",
     re.IGNORECASE,
 )
+_COMMENT_MARK = re.compile(r"^\s*[#%/][#%/\s]*")
 _SECTION_TITLE = re.compile(r"\[[\w ]+\]")
 """The title of a section, as in "[data]"."""
 _SENTINEL = re.compile(r"-?9{3,}(?:\.9+)?")
@@ -72,12 +76,15 @@ _GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(?P<mark>[,.' ])\d{3}(?:(?P=mark)\d{3})
 """A number with thousands separators; 1,234 and 1.234 may be one."""
 
 _RATE_WORDS = re.compile(
-    r"sampl\w*[ _-]*(?:rate|freq\w*)|\bfs\b|abtastrate|actigraph\b.*\bat\b"
+    r"sampl\w*[ _-]*(?:rate|freq\w*)|\bfs\b|(?:abtast|mess)(?:rate|frequenz)|actigraph\b.*\bat\b"
+    r"|fr.quen\w+ (?:d.(?:.chantillonnage|acquisition)|de muestreo|di campionamento)"
     r"|\brate(?=\W{1,3}[\d.,]+ ?k?(?:hz|sa?/s|sps)\b)",
     re.IGNORECASE,
 )
 _STEP_WORDS = re.compile(
-    r"sampl\w*[ _-]*(?:interval|period|time)|increment|h ?resolution|delta[ _]x|\b[xt]inc\w*|\bdt\b", re.IGNORECASE
+    r"sampl\w*[ _-]*(?:interval|period|time)|(?:abtast|mess|time|log\w*|scan|record\w*|measur\w*)[ _-]*interval\w*"
+    r"|increment|h ?resolution|delta[ _]x|\b[xt]inc\w*|\bdt\b",
+    re.IGNORECASE,
 )
 _QUANTITY = re.compile(
     r"[\s,;:=|\"]*(?:[(\[](?P<within>(?:1 ?/)?[a-zµμ /]+)[)\]])?[\s,;:=|\"(\[]*"
@@ -86,6 +93,8 @@ _QUANTITY = re.compile(
     r"(?P<unit>(?![a-z]\s*[=:])(?:(?:1|[a-zµμ]+)? ?(?:/|\bper\b) ?)?[a-zµμ]+(?:\^?-1)?)?",
     re.IGNORECASE,
 )
+_VICON_SECTIONS = {"devices", "trajectories", "model outputs"}
+"""Headings of Vicon, above a line that holds the rate alone."""
 _SECONDS_PER_SAMPLE = re.compile(r"(?<![\d.])(?![0.]+[^\d.])(\d{1,6}(?:\.\d{1,9})?) ?(\w*sec|[mµμun]?s|min)/sample\b")
 MIN_STATED, MAX_STATED = 1e-12, 1e12
 """Bounds of the rates and intervals accepted from a heading or a variable of a file."""
@@ -117,7 +126,7 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
         No column of numbers, too long a text, a field that is neither a number nor missing, a line with a different
         number of fields, or times that go back; the error names the line, the column and the field.
     """
-    with_comments, mended = without_nuls(decode_text(data))
+    with_comments, mended = without_nuls(columns_of_json(decode_text(data)))
     with_comments = with_plain_values(with_comments)
     text = without_comments(with_comments)
     layout = None if holds_objects(text) else _layout(text, with_comments)
@@ -130,6 +139,8 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
             raise ValueError(f"No line of the text holds a number{first_line}; {ALLOWED}.")
         if len(labels) == len(layout.kinds):
             layout = replace(layout, names=tuple(labels))
+    if layout.separator == "," and (pointed := _with_decimal_points(text, layout)):
+        text, layout = pointed, _layout(pointed, with_comments) or layout
     text, below = _without_footer(text, layout)
     number = chosen_track(layout.sensors, track)
     if len(layout.sensors) > 1:
@@ -139,8 +150,8 @@ def read_columns(data: bytes, track: int | str = 1) -> Recording:
     columns = layout.columns_of("number")
     for index, row in np.argwhere(np.isinf(table))[:1]:
         raise _field_error(line_numbers[row], f"{table[index, row]:g}", columns[index], layout, "finite numbers")
-    clock, fraction = _clock_of_stamps(layout, stamps, table, line_numbers)
-    kept = [index for index in range(len(columns)) if index != fraction]
+    clock, in_clock = _clock_of_stamps(layout, stamps, table, line_numbers)
+    kept = [index for index in range(len(columns)) if index not in in_clock]
     rate, start_s = _stated_rate_and_start(layout)
     unix_start_s, rate_in_rows = _start_and_rate_in_rows(table)
     if rate_in_rows:
@@ -264,19 +275,23 @@ def _layout(text: str, with_comments: str) -> _Layout | None:
     layouts = [layout for separator in _SEPARATORS if (layout := _layout_with(probed, separator))]
     if not layouts:
         return None
-    if layouts[0].separator == "," and _has_decimal_commas([line for _, line in probed], layouts[0]):
-        layouts = [layout for layout in layouts if layout.separator is None] or layouts
     most_rows = max(layout.rows for layout in layouts)
     likely = (layout for layout in layouts if 2 * layout.rows >= most_rows)
     best = min(likely, key=lambda layout: len(layout.columns_of("word")))
-    heading = [line.strip().lstrip("#%/ \t") for line in itertools.islice(io.StringIO(with_comments), best.first - 1)]
-    heading = [line for line in heading if line and not (len(best.kinds) > 1 and _SECTION_TITLE.fullmatch(line))]
+    # Tabs at the ends stand for columns without a name.
+    above = itertools.islice(io.StringIO(with_comments), best.first - 1)
+    heading = [_COMMENT_MARK.sub("", line.strip(" \n")) for line in above]
+    heading = [
+        line
+        for line in heading
+        if line.strip() and not (len(best.kinds) > 1 and _SECTION_TITLE.fullmatch(line.strip()))
+    ]
     rows = [row for row in _split_fields([line for _, line in probed], best.separator) if _is_row(row, best)]
     columns = [[row[column].strip() for row in rows if len(row) > column] for column in range(len(best.kinds))]
     best = replace(
         best,
         heading=tuple(heading[-MAX_OTHER_LINES:]),
-        names=_column_names(heading, best),
+        names=_column_names(heading, best, is_numbered=columns[0][:MIN_ROWS] == [*map(str, range(1, MIN_ROWS + 1))]),
         marks=tuple(_thousands_mark_of_column(texts, best.separator) for texts in columns),
     )
     return _with_sensors(best, columns)
@@ -303,17 +318,38 @@ def _rows_of_sensor(text: str, layout: _Layout, sensor: str) -> str:
     return "\n".join(lines)
 
 
-def _has_decimal_commas(lines: Sequence[str], layout: _Layout) -> bool:
-    """Return whether apparent columns of integers, separated by commas, are one column of decimal commas.
+def _with_decimal_points(text: str, layout: _Layout) -> str | None:
+    """Return a text with points for decimal commas between commas that separate columns; None if it has none.
 
-    Then the digits after the comma have no sign, and some begin with 0, or some integer is -0.
+    Then each column of integers is followed by one of digits without a sign: fewer names stand above them, or in each
+    of these some begin with 0 or follow -0.
     """
-    rows = [row for row in _split_fields(lines, ",") if _is_row(row, layout)]
-    return (
-        layout.kinds == ("number", "number")
-        and all(row[1].isdigit() for row in rows)
-        and any(row[0].strip() == "-0" or (row[1][0] == "0" and len(row[1]) > 1) for row in rows)
+    lines = text.split("\n")
+    rows = [line.split(",") for line in lines[layout.first - 1 :][:PROBED_LINES]]
+    rows = [row for row in rows if _is_row(row, layout)]
+    numbers, width = layout.columns_of("number"), len(layout.kinds)
+    after = numbers[1::2]
+    if [*zip(numbers[::2], after, strict=False)] != [(column - 1, column) for column in after] or len(numbers) % 2:
+        return None
+    if not all(
+        row[column].isdigit() and re.fullmatch(r"\s*[-+]?\d+", row[column - 1]) for row in rows for column in after
+    ):
+        return None
+    names = [name for name in layout.heading[-1:] for name in name.split(",") if _kind(name) == "word"]
+    are_clear = all(
+        any(row[column - 1].strip() == "-0" or re.match(r"0\d", row[column]) for row in rows) for column in after
     )
+    if not (len(names) == width - len(after) > 1 or (are_clear and (width == 2 or len(names) != width))):
+        return None
+    for number, row in enumerate(line.split(",") for line in lines):
+        if number >= layout.first - 1 and len(row) == width:
+            fields = (
+                (row[column - 1] + "." + row[column]) if column in after else row[column]
+                for column in range(width)
+                if column + 1 not in after
+            )
+            lines[number] = ",".join(fields)
+    return "\n".join(lines)
 
 
 def _layout_with(lines: Sequence[tuple[int, str]], separator: str | None) -> _Layout | None:
@@ -331,14 +367,21 @@ def _layout_with(lines: Sequence[tuple[int, str]], separator: str | None) -> _La
     if "number" not in layout.kinds or not any(fitting):
         return None
     # A line of the heading may look like a row, but after the first row most lines are rows: all of them if the line
-    # holds text in a column that is otherwise empty.
+    # holds text in a column that is otherwise empty. Below the names, BIOPAC writes the number of samples of each
+    # channel, but not of the times in the first column.
     empty, first = layout.columns_of("missing"), fitting.index(True)
     for row, fits in enumerate(fitting):
         later = fitting[row + 1 : row + 1 + MIN_ROWS]
         has_more = any(rows[row][column].strip() for column in empty if column < len(rows[row]))
+        counts = {field.strip() for field in rows[row][1:]} - {""}
+        holds_counts = fits and not rows[row][0].strip() and len(counts) == 1 and "".join(counts).isdigit()
+        if holds_counts and all(other[0].strip() for other in rows[row + 1 : row + 1 + MIN_ROWS] if other):
+            continue
         if fits and (all(later) if has_more else 2 * sum(later) >= len(later)):
             first = row
             break
+    # Some loggers write their serial number behind the first row.
+    first -= first > 0 and len(rows[first - 1]) > width and _is_row(rows[first - 1][:width], layout)
     return replace(layout, rows=sum(fitting), first=lines[first][0])
 
 
@@ -394,26 +437,38 @@ def _thousands_mark(field: str) -> str:
 def _thousands_mark_of_column(texts: Sequence[str], separator: str | None) -> str:
     """Return the thousands separator of a column, "" if it has none.
 
-    Between commas as separators, a quoted "1,234" holds a thousand if other numbers are integers below a thousand.
+    A "1,234" holds a thousand if other numbers are integers below a thousand: any between commas as separators, where
+    it is quoted, otherwise more than ten times the 1, since 499,667 and 500 have a decimal comma.
     """
     mark = next(filter(None, map(_thousands_mark, texts)), "")
-    if mark or separator != ",":
-        return mark
-    with_comma = [text for text in texts if "," in text]
-    are_thousands = bool(with_comma) and all(map(_GROUPED.fullmatch, with_comma))
-    return "," if are_thousands and any(re.fullmatch(r"[-+]?\d{1,3}", text) for text in texts) else ""
+    below = [abs(int(text)) for text in texts if re.fullmatch(r"[-+]?\d{1,3}", text)]
+    for one in ",." if below and not mark else "":
+        marked = [text for text in texts if one in text]
+        if marked and all(map(_GROUPED.fullmatch, marked)):
+            highest = max(abs(int(text.partition(one)[0])) for text in marked)
+            mark = one if one == separator or max(below) > max(99, 10 * highest) else ""
+    return mark
 
 
-def _column_names(heading: Sequence[str], layout: _Layout) -> tuple[str, ...]:
-    """Return the heading of each column: its fields in the lines directly above the first row, top to bottom."""
+def _column_names(heading: Sequence[str], layout: _Layout, *, is_numbered: bool) -> tuple[str, ...]:
+    """Return the heading of each column: its fields in the lines directly above the first row, top to bottom.
+
+    `is_numbered` means that the first column numbers the rows, from 1.
+    """
     width = len(layout.kinds)
     names: list[list[str]] = []
     for line in reversed(heading[-MAX_NAME_LINES:]):
         fields = [field.strip() for field in _split_fields([line], layout.separator)[0]]
+        if not names and is_numbered and len(fields) == width - 1:  # by R, without a name
+            fields = ["", *fields]
+        if not names and layout.separator and len(fields) > width > 1 and all(fields[:width]):
+            fields = fields[:width]  # the last columns are empty
         if layout.separator is None and len(fields) != width:
             fields = re.split(r"\s{2,}|\t", line.strip())
         while len(fields) > width and not fields[-1]:
             fields.pop()
+        if not names and "".join({*fields}).isdigit():  # BIOPAC's numbers of samples
+            continue
         if len(fields) != width or (width == 1 and names) or not any(_kind(field) == "word" for field in fields):
             break
         if names and any(
@@ -437,6 +492,8 @@ def _stated_rate_and_start(layout: _Layout) -> tuple[float | None, float]:
                 beneath = next((text for field, text in under.items() if pattern.search(field)), "")
                 value = _quantity_at(line, named.end(), power, layout) or _quantity_at(beneath, 0, power, layout)
                 rate = value**power if value else None
+        if rate is None and line.lower() in _VICON_SECTIONS:
+            rate = _parse_number("".join(below))
         if rate is None and (interval := _SECONDS_PER_SAMPLE.search(line)):
             rate = 1 / (float(interval[1]) * (time_unit(interval[2]) or 1.0))
     return rate, start_s
@@ -553,7 +610,7 @@ def _columns_of_rows(rows: list[list[str]], lines: npt.NDArray[np.int64], layout
     width, needed = len(layout.kinds), max((*layout.columns_of("number"), *layout.columns_of("stamp"))) + 1
     if set(map(len, rows)) != {width}:
         for row, line in zip(rows, lines, strict=True):
-            if len(row) < needed or any(map(str.strip, row[width:])):
+            if len(row) < needed or (line != layout.first and any(map(str.strip, row[width:]))):
                 raise ValueError(
                     f"Line {line} holds {len(row)} field{'s' * (len(row) > 1)} and the lines before it {width}; "
                     "complete or remove it."
@@ -590,8 +647,8 @@ def _field_error(line: int, text: str, column: int, layout: _Layout, expected: s
 
 def _clock_of_stamps(
     layout: _Layout, stamps: dict[int, list[str]], table: npt.NDArray[np.float64], lines: npt.NDArray[np.int64]
-) -> tuple[Times | None, int | None]:
-    """Return the times in columns of dates and times of day, and the index of a column with their fractions, or None.
+) -> tuple[Times | None, list[int]]:
+    """Return the times in columns of dates and times of day, and the indices of the columns of numbers among them.
 
     A date and a time of day may be in two columns, and fractions of seconds in a third. A date that never changes, or
     a version number that looks like one, is not a clock.
@@ -599,23 +656,44 @@ def _clock_of_stamps(
     parts = {
         column: date_and_clock(next((text for text in texts if is_stamp(text)), "")) for column, texts in stamps.items()
     }
-    column = next((one for one, texts in stamps.items() if parts[one][1] or len({*texts}) > 1), None)
+    changing = [one for one, texts in stamps.items() if len({*texts}) > 1] or [one for one in stamps if parts[one][1]]
+    number: int | None = None
+    column = next(iter(changing or stamps), None)
     if column is None:
-        return None, None
+        return None, []
     other = next((one for one in stamps if parts[one] == (not parts[column][0], not parts[column][1])), None)
     texts = stamps[column]
     if other is not None:
         date, time = (column, other) if parts[column][0] else (other, column)
         texts = [f"{day} {clock}" for day, clock in zip(stamps[date], stamps[time], strict=True)]
+    elif parts[column] != (True, True):
+        texts, number = _with_numbers(texts, parts[column][1], table, layout, column)
+    if not changing and number is None:
+        return None, []
     times = read_stamps(texts)
     for row in np.flatnonzero(np.isnan(times.seconds)):
         if not _MISSING.fullmatch(stamps[column][row]):
             raise _field_error(int(lines[row]), texts[row], column, layout, "times")
+    times, fraction = with_fractions(times, table, [layout.names[column] for column in layout.columns_of("number")])
+    return times, [index for index in (number, fraction) if index is not None]
+
+
+def _with_numbers(
+    texts: list[str], are_clocks: bool, table: npt.NDArray[np.float64], layout: _Layout, column: int
+) -> tuple[list[str], int | None]:
+    """Return times of day with the dates in a column of numbers, 20240513, or dates with times of day, 22.58.
+
+    Also the index of that column; the texts alone and None if there is none. Beside dates, numbers are
+    times of day if the times then rise evenly.
+    """
     for index, number in enumerate(layout.columns_of("number")):
-        unit = time_unit(layout.names[number]) or 0.0
-        fraction = table[index] * unit
-        if unit < times.rounding <= 1 and fraction.min() >= 0 and 0 < fraction.max() < 1:
-            start_s = times.start_s + float(fraction[0])
-            seconds = times.seconds + fraction - fraction[0]
-            return Times(seconds, start_s, times.epoch, rounding_step(table[index]) * unit), index
-    return times, None
+        values, name = table[index], layout.names[number]
+        if are_clocks and (not name or is_time_heading(name)) and 19_000_101 <= values.min() <= values.max() < 21e6:
+            return [f"{day:.0f} {text}" for day, text in zip(values, texts, strict=True)], index
+        hours, minutes = np.divmod(np.rint(100 * values), 100)
+        is_beside = not are_clocks and abs(number - column) == 1 and time_unit(name) is None
+        if is_beside and minutes.any() and np.ptp(hours) and np.allclose(values, hours + minutes / 100):
+            both = [f"{day} {hour:.0f}:{minute:.0f}" for day, hour, minute in zip(texts, hours, minutes, strict=True)]
+            if 0 <= hours.min() <= hours.max() < 24 and minutes.max() < 60 and rises_evenly(read_stamps(both).seconds):
+                return both, index
+    return texts, None

@@ -1,4 +1,4 @@
-"""Files of disparity and depth maps, read from untrusted bytes and written, and of confidences and point clouds."""
+"""Files of disparity maps, read from untrusted bytes and written, and of confidences."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import os
 import re
 import warnings
 from collections.abc import Callable, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.io.arrays import NPY_MAGIC, mat_arrays, npy, npz_arrays, parse_npy
-from stereolag.io.images import MAX_UINT16, image_png, image_tiff, parse_netpbm, parse_pfm, read_image
+from stereolag.io.images import MAX_UINT16, image_png, parse_netpbm, parse_pfm, read_image
 from stereolag.io.sources import ZIP_MAGIC, Source, check_pixels, quote, read_archive, read_bytes, write_file
 
 MAP = "disparity map"
@@ -32,7 +31,7 @@ _BAND_PIXELS = 2**20
 
 
 def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArray[np.float32]:
-    """Read a disparity map: PFM, PNG, PGM or TIFF of 16 or 8 bits, TIFF of floats, NPY, NPZ or MAT.
+    """Read a disparity map: PFM, EXR, FLO, PNG, PGM or TIFF of 16 or 8 bits, TIFF of floats, NPY, NPZ or MAT.
 
     Parameters
     ----------
@@ -49,16 +48,17 @@ def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArr
     -------
     disparity
         (rows, cols) float32, px, positive in front of infinity; NaN where the file marks a pixel as unknown: by 0 in an
-        image of integers; otherwise by NaN, infinity or numbers from 1e9 on, by -9999 and the like, by a repeated whole
-        number if it is the only negative one, by OpenCV's minDisparity - 1, also if positive, which fills a whole side
-        of a map in 1/16 px, and if no pixel is marked otherwise, by a repeated whole number that alone is not below the
-        width, or by a repeated 0 if all other numbers are of one sign and at least 1 px away.
+        image of integers, and by 65535 at 100 pixels and more if all others are below 32768; otherwise by NaN, infinity
+        or numbers from 1e9 on, by -9999 and the like, by a repeated whole number if it is the only negative one, by
+        OpenCV's minDisparity - 1, also if positive, which fills a whole side of a map in 1/16 px, and if no pixel is
+        marked otherwise, by a repeated whole number that alone is not below the width, or by a repeated 0 if all other
+        numbers are of one sign and at least 1 px away.
 
     Raises
     ------
     ValueError
-        An empty, damaged or unknown file, a colour image without colours, more megapixels than the limit in force, no
-        pixel with a disparity, 8-bit integers without a divisor, or a divisor of 0.
+        An empty, damaged or unknown file, a colour image, more megapixels than the limit in force, no pixel with a
+        disparity, 8-bit integers without a divisor, or a divisor of 0.
     OSError
         A path that cannot be opened.
 
@@ -107,11 +107,14 @@ MIN_OPENCV_FRACTIONS = 4
 """Minimum number of different sixteenths among the disparities of OpenCV's sub-pixel fit: scenes made by hand have
 fewer."""
 
+MIN_MARKED = 100
+"""Minimum number of pixels of 65535, far from all others, for it to mark unknown ones: a map of KITTI may hold one."""
+
+_EXR_MAGIC, _FLO_MAGIC = b"v/1\x01", b"PIEH"
 _UNSUPPORTED = {
     b"\x89HDF": "an HDF5 file, as those of Spring (.dsp5), which is not read: save its array as .npy, by "
     "numpy.save('gt.npy', h5py.File('gt.dsp5')['disparity'][::2, ::2])",
     b"MATLAB 7.3": "a MAT file of version 7.3, which is not read: save it by save(file, '-v7')",
-    b"v/1\x01": "an OpenEXR file, which is not read: save its channel as .npy",
 }
 """Unsupported files by their first bytes: what they are, and how to convert them."""
 
@@ -169,20 +172,19 @@ def read_stored_disparity(source: Source) -> StoredDisparity:
         if data.startswith(magic):
             raise ValueError(f"The {MAP} is {description}.")
     stored = kind.read(data)
-    if stored.ndim == 3 and kind is IMAGES:
+    if stored.ndim == 3 and stored.dtype == np.uint8 and np.ptp(stored[:, :, :3], axis=2).any():
         colours = stored[:, :, :3]
-        if not np.ptp(colours, axis=2).any():
-            stored = colours[:, :, 0]  # grey, saved as a colour image
-        elif stored.dtype == np.uint8:
-            disparity = np.where(colours.any(axis=2), colours @ np.array(SINTEL_WEIGHTS_PX), np.nan).astype(np.float32)
-            # Red is the coarse part, green and blue the fraction: a photograph's colours all rise and fall together.
-            red, *fractions = np.reshape(colours, (-1, 3)).T.astype(np.float64)
-            together = all(
-                np.abs(np.cov(red, one)[0, 1]) > MIN_PHOTO_CORRELATION * max(1e-9, float(red.std() * one.std()))
-                for one in fractions
-            )
-            if np.nanmax(disparity) < stored.shape[1] and not together:
-                return StoredDisparity(disparity, 1.0)
+        disparity = np.where(colours.any(axis=2), colours @ np.array(SINTEL_WEIGHTS_PX), np.nan).astype(np.float32)
+        # Red is the coarse part, green and blue the fraction: a photograph's colours all rise and fall together.
+        red, *fractions = np.reshape(colours, (-1, 3)).T.astype(np.float64)
+        together = all(
+            np.abs(np.cov(red, one)[0, 1]) > MIN_PHOTO_CORRELATION * max(1e-9, float(red.std() * one.std()))
+            for one in fractions
+        )
+        if np.nanmax(disparity) < stored.shape[1] and not together:
+            return StoredDisparity(disparity, 1.0)
+    if stored.ndim == 3 and stored.shape[2] in (3, 4) and (stored[:, :, :1] == stored[:, :, :3]).all():
+        stored = stored[:, :, 0]  # grey, saved as colours
     if stored.ndim > 2 and kind is not IMAGES:
         stored = stored.squeeze()  # networks keep axes of length 1 for the batch and the channel
     if stored.ndim != 2:
@@ -195,7 +197,10 @@ def read_stored_disparity(source: Source) -> StoredDisparity:
         marker = _opencv_marker(signed)
         if marker and marker[0] < 0:
             return StoredDisparity(signed, float(OPENCV_SCALE), marker)
-        return StoredDisparity(stored, None if stored.dtype == np.uint8 else float(KITTI_SCALE), (0.0,))
+        below = stored[stored < MAX_UINT16]
+        is_full = stored.size - below.size >= MIN_MARKED and below.max(initial=0) < 2**15
+        full = (float(MAX_UINT16),) if stored.dtype == np.uint16 and is_full else ()
+        return StoredDisparity(stored, None if stored.dtype == np.uint8 else float(KITTI_SCALE), (0.0, *full))
     divisor = float(OPENCV_SCALE) if stored.dtype == np.int16 else 1.0
     markers = _repeated_markers(stored, divisor) or _opencv_marker(stored)
     return StoredDisparity(stored, None if stored.itemsize == 1 else divisor, (*NO_DATA_VALUES, *markers))
@@ -265,10 +270,10 @@ def write_disparity(path: str | os.PathLike[str], disparity: npt.ArrayLike) -> N
     >>> sl.read_disparity("map.pfm")
     array([[12.5,  nan]], dtype=float32)
     """
-    _write_map(path, disparity, MAP, {suffix: kind.write for suffix, kind in DISPARITY_FORMATS.items()})
+    write_map(path, disparity, MAP, {suffix: kind.write for suffix, kind in DISPARITY_FORMATS.items()})
 
 
-def _write_map(
+def write_map(
     path: str | os.PathLike[str], values: npt.ArrayLike, name: str, writers: Mapping[str, Callable[..., bytes]]
 ) -> None:
     """Write a map by the writer for the suffix of its path."""
@@ -369,6 +374,7 @@ def _stored_image(data: bytes) -> npt.NDArray[Any]:
 
 
 _NAMED_MAP = re.compile("disp|gt|truth", re.IGNORECASE)
+_OF_RIGHT_VIEW = re.compile(r"(?:.*[_ ])?r(?:ight)?(?:[_ ].*)?|.*Right.*|[a-zA-Z]+R", re.DOTALL)
 
 
 def _stored_array(data: bytes) -> npt.NDArray[Any]:
@@ -383,12 +389,56 @@ def _stored_array(data: bytes) -> npt.NDArray[Any]:
     )
     maps = [name for name, array in arrays.items() if array.squeeze().ndim == 2]
     candidates = maps if len(maps) == 1 else [name for name in maps if _NAMED_MAP.search(name)]
+    candidates = [name for name in candidates if not _OF_RIGHT_VIEW.fullmatch(name)] or candidates
     if len(candidates) != 1:
         contents = ", ".join(f"{quote(name)} {array.shape}" for name, array in [*arrays.items()][:9])
         raise ValueError(
             f"The {MAP} is not the only one in its file, which holds {contents or 'no array'}: save it alone."
         )
     return arrays[candidates[0]]
+
+
+def _stored_floats(data: bytes) -> npt.NDArray[Any]:
+    """Return the map of a PFM or EXR, perhaps in colours, or the motion to the left of a FLO."""
+    if data.startswith(_EXR_MAGIC):
+        return _parse_exr(data)
+    if not data.startswith(_FLO_MAGIC):
+        return parse_pfm(data, MAP)
+    width, height = (int(side) for side in np.frombuffer(data[4:12].ljust(8, b"\0"), "<i4"))
+    check_pixels(width, height, MAP)
+    if len(data) < 12 + 8 * width * height:
+        raise ValueError(
+            f"The {MAP} (FLO) is cut short: {width} × {height} pixels need {12 + 8 * width * height} bytes."
+        )
+    across, down = np.moveaxis(np.frombuffer(data, "<f4", 2 * width * height, 12).reshape(height, width, 2), 2, 0)
+    if np.abs(down, where=np.abs(down) < MAX_DISPARITY_PX, out=np.zeros_like(down)).max(initial=0.0) > 1:
+        raise ValueError(f"The {MAP} (FLO) holds motion down or up, which disparities of a rectified pair have not.")
+    return -across
+
+
+def _parse_exr(data: bytes) -> npt.NDArray[Any]:
+    """Return the (rows, cols) Y or (rows, cols, 3) RGB of an OpenEXR file, decoded by FFmpeg."""
+    import av  # loaded on first use, since it takes tens of megabytes
+
+    window = data.find(b"dataWindow\0box2i\0") + 21
+    left, top, right, bottom = map(int, np.frombuffer(data[window : window + 16].ljust(16, b"\0"), "<i4"))
+    check_pixels(right - left + 1, bottom - top + 1, MAP)
+    try:
+        decoder: Any = av.CodecContext.create("exr", "r")
+        frames: list[Any] = decoder.decode(av.Packet(data)) + decoder.decode(None)
+        frame = frames[0]
+    except (av.FFmpegError, IndexError) as error:
+        raise ValueError(
+            f"The {MAP} is an OpenEXR file without a channel Y or channels RGB, or damaged: save its channel as .npy."
+        ) from error
+    dtype, order = (
+        np.dtype("<f2" if "f16" in frame.format.name else "<f4"),
+        (0,) if "gray" in frame.format.name else (2, 0, 1),
+    )
+    planes: list[npt.NDArray[Any]] = [
+        np.frombuffer(frame.planes[plane], dtype).reshape(frame.height, -1)[:, : frame.width] for plane in order
+    ]
+    return planes[0] if len(planes) == 1 else np.stack(planes, axis=2)
 
 
 def _npy_map(disparity: npt.ArrayLike) -> bytes:
@@ -434,7 +484,7 @@ IMAGES = MapFormat(
 """The format of all image files; other kinds of images are tried with its reader too."""
 
 FORMATS = (
-    MapFormat("PFM", ("pfm",), (b"Pf", b"PF"), partial(parse_pfm, what=MAP), pfm),
+    MapFormat("PFM, EXR or FLO", ("pfm", "exr", "flo"), (b"Pf", b"PF", _EXR_MAGIC, _FLO_MAGIC), _stored_floats, pfm),
     IMAGES,
     MapFormat("NPY, NPZ or MAT", ("npy", "npz", "mat"), (NPY_MAGIC, ZIP_MAGIC, b"MATLAB 5.0"), _stored_array, _npy_map),
 )
@@ -459,168 +509,3 @@ def counts_png(numbers: npt.NDArray[np.floating[Any]]) -> bytes:
     np.maximum(counts, np.float32(1), out=counts)
     counts[~np.isfinite(numbers)] = 0
     return image_png(counts.astype(np.uint16))
-
-
-# Depth maps as in ROS (REP 118, https://ros.org/reps/rep-0118.html): TIFF of floats in metres, PNG of 16 bits in
-# millimetres.
-
-DEPTH_MAP = "depth map"
-"""Name of the map in messages."""
-
-MM_PER_M = 1000.0
-
-MAX_PNG_DEPTH_M = MAX_UINT16 / MM_PER_M
-"""Maximum depth that a PNG holds, metres."""
-
-
-def read_depth(source: Source) -> npt.NDArray[np.float32]:
-    """Read a depth map: floats in metres, as a TIFF or PFM, or 16 bits in millimetres, as a PNG.
-
-    Parameters
-    ----------
-    source
-        A path, the bytes of the file, or a binary file object.
-
-    Returns
-    -------
-    depth
-        (rows, cols) float32, metres; NaN where the file has none: 0 or less, infinite or NaN.
-
-    Raises
-    ------
-    ValueError
-        A file that is not such an image, or has colours or 8 bits per pixel.
-    OSError
-        A path that cannot be opened.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import stereolag as sl
-    >>> sl.write_depth("depth.png", [[1.25, np.nan]])  # metres; NaN = none
-    >>> sl.read_depth("depth.png")
-    array([[1.25,  nan]], dtype=float32)
-    """
-    stored = read_image(source)
-    if stored.ndim != 2 or stored.dtype == np.uint8:
-        raise ValueError(
-            f"The {DEPTH_MAP} has shape {stored.shape} and holds {stored.dtype}; allowed is (rows, cols) of floats, "
-            "metres, or of uint16, millimetres."
-        )
-    return _valid_depth(stored / MM_PER_M if stored.dtype == np.uint16 else stored)
-
-
-def write_depth(path: str | os.PathLike[str], depth: npt.ArrayLike) -> None:
-    """Write a depth map; :func:`stereolag.read_depth` reads it back.
-
-    Parameters
-    ----------
-    path
-        Its suffix selects the format: ``.tif`` or ``.tiff`` stores metres as float32, NaN where there is no depth;
-        ``.png`` stores whole millimetres up to 65.535 m in 16 bits, 0 where there is no depth and beyond that. An
-        existing file is replaced.
-    depth
-        (rows, cols), metres, as :meth:`stereolag.Calibration.depth` returns it; NaN for pixels without one.
-
-    Raises
-    ------
-    ValueError
-        Another suffix, or an array that is not (rows, cols); nothing is written then.
-    OSError
-        The folder does not exist, the disk is full, and so on; an existing file is left unchanged.
-
-    Examples
-    --------
-    >>> import stereolag as sl
-    >>> camera = sl.Calibration(focal_px=1000.0, baseline_m=0.1)
-    >>> sl.write_depth("depth.tif", camera.depth([[50.0, 8.0]]))  # px to metres
-    >>> sl.read_depth("depth.tif")
-    array([[ 2. , 12.5]], dtype=float32)
-    """
-    _write_map(path, depth, DEPTH_MAP, DEPTH_FORMATS)
-
-
-def depth_tiff(depth: npt.ArrayLike) -> bytes:
-    """Return a depth map as a TIFF of 32-bit floats: metres, NaN where there is no depth."""
-    return image_tiff(_valid_depth(depth))
-
-
-def depth_png(depth: npt.ArrayLike) -> bytes:
-    """Return a depth map as a 16-bit grey PNG: millimetres, at least 1, and 0 where there is no depth.
-
-    Pixels beyond 65.535 m are also 0; :func:`too_far` counts them.
-    """
-    millimetres = _millimetres(depth)
-    return counts_png(np.where(millimetres <= MAX_UINT16, millimetres, np.nan))
-
-
-def too_far(depth: npt.ArrayLike) -> int:
-    """Return the number of pixels of a depth map that are farther than a PNG can hold, 65.535 m."""
-    return int((_millimetres(depth) > MAX_UINT16).sum())
-
-
-def _valid_depth(depth: npt.ArrayLike) -> npt.NDArray[np.float32]:
-    """Return a depth map in metres as float32, with NaN where there is no depth."""
-    with np.errstate(over="ignore"):
-        metres = as_map(depth, "depth").astype(np.float32)
-    return np.where((metres > 0) & np.isfinite(metres), metres, np.float32(np.nan))
-
-
-def _millimetres(depth: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    return np.rint(_valid_depth(depth).astype(np.float64) * MM_PER_M)
-
-
-DEPTH_FORMATS = {".tif": depth_tiff, ".tiff": depth_tiff, ".png": depth_png}
-"""The writers by suffix."""
-
-
-# Points.
-
-VERTEX = np.dtype([("position", "<f4", 3), ("colour", "u1", 3)])
-
-_PLY_HEADER = """\
-ply
-format binary_little_endian 1.0
-comment metres in the frame of the left camera: x right, y down, z forward
-element vertex {count}
-property float x
-property float y
-property float z
-property uchar red
-property uchar green
-property uchar blue
-end_header
-"""
-
-
-def ply(points: npt.ArrayLike, colours: npt.ArrayLike) -> bytes:
-    """Return a coloured point cloud as a binary little-endian PLY, which MeshLab, CloudCompare and Blender open.
-
-    Parameters
-    ----------
-    points
-        (n, 3), metres, as returned by :meth:`~stereolag.geometry.calibration.Calibration.point_cloud`; stored as
-        float32.
-    colours
-        (n, 3) uint8 RGB.
-
-    Raises
-    ------
-    ValueError
-        Arrays of other shapes or types, or a point that is not finite.
-
-    Notes
-    -----
-    Format: Greg Turk, "The PLY Polygon File Format", 1994.
-    """
-    positions, rgb = np.asarray(points, dtype=np.float32), np.asarray(colours)
-    if positions.ndim != 2 or positions.shape[1] != 3 or positions.shape != rgb.shape:
-        raise ValueError(f"points has shape {positions.shape} and colours {rgb.shape}; both must be (n, 3).")
-    if rgb.dtype != np.uint8:
-        raise ValueError(f"colours holds {rgb.dtype}; allowed is uint8.")
-    bad = len(positions) - int(np.isfinite(positions).all(axis=1).sum())
-    if bad:
-        raise ValueError(f"points holds {bad} points that are NaN or infinite; every coordinate must be finite.")
-    vertices = np.empty(len(positions), dtype=VERTEX)
-    vertices["position"], vertices["colour"] = positions, rgb
-    return _PLY_HEADER.format(count=len(vertices)).encode() + vertices.tobytes()

@@ -79,36 +79,30 @@ ACCEPTED = (
     "3GP, AMR, Windows Media, FLV and MPEG; NPY, NPZ and MAT; and columns of numbers (CSV, TXT)"
 )
 
-_EXPORT_NUMBERS = "export its numbers as CSV, NPY or WAV"
+EXPORT_NUMBERS = "export its numbers as CSV, NPY or WAV"
 UNPACK = "unpack it"
 _NOT_A_RECORDING = "a recording is sound or numbers"
 FOREIGN_FORMATS = tuple(
     (re.compile(mark, re.DOTALL), name, remedy)
     for mark, name, remedy in (
         (rb"MATLAB 7\.\d MAT-file", "a MATLAB file of version 7.3 (HDF5)", "save it by save(file, '-v7')"),
-        (rb"\x89HDF", "an HDF5 file", _EXPORT_NUMBERS),
+        (rb"\x89HDF", "an HDF5 file", EXPORT_NUMBERS),
         (rb"\xd0\xcf\x11\xe0", "a file of older Excel or Word (XLS, DOC)", "save the sheet as CSV"),
-        (rb"TDSm", "a TDMS file of LabVIEW", _EXPORT_NUMBERS),
-        (rb"0 {7}[^\n]{160}\d\d\.\d\d\.\d\d|\xffBIOSEMI", "an EDF or BDF file", _EXPORT_NUMBERS),
-        (rb"PAR1|ARROW1|FEA1", "a Parquet or Arrow file", _EXPORT_NUMBERS),
-        (rb"CDF[\x01\x02\x05]", "a NetCDF file", _EXPORT_NUMBERS),
-        (rb"SIMPLE  =", "a FITS file", _EXPORT_NUMBERS),
-        (rb"SQLite format 3", "a database of SQLite", _EXPORT_NUMBERS),
+        (rb"TDSm", "a TDMS file of LabVIEW", EXPORT_NUMBERS),
+        (rb"0 {7}[^\n]{160}\d\d\.\d\d\.\d\d|\xffBIOSEMI", "an EDF or BDF file", EXPORT_NUMBERS),
+        (rb"PAR1|ARROW1|FEA1", "a Parquet or Arrow file", EXPORT_NUMBERS),
+        (rb"CDF[\x01\x02\x05]", "a NetCDF file", EXPORT_NUMBERS),
+        (rb"SIMPLE  =", "a FITS file", EXPORT_NUMBERS),
+        (rb"SQLite format 3", "a database of SQLite", EXPORT_NUMBERS),
         (rb"\x80[\x02-\x05][\x8c\x95c}\](]", "a pickle of Python", "save the array by numpy.save"),
         (rb"MThd", "a MIDI file (notes, no sound)", "export it as WAV"),
         (rb"wvpk|MAC |TTA1|DSD |MP\+|MPCK|tBaK", "an audio file of a rare kind", "export it as WAV or FLAC"),
         (rb"\x1f\x8b|BZh|\xfd7zXZ|7z\xbc\xaf|Rar!|\x28\xb5\x2f\xfd", "a packed archive", UNPACK),
-        (rb"%PDF", "a PDF", _EXPORT_NUMBERS),
+        (rb"%PDF", "a PDF", EXPORT_NUMBERS),
         (rb"\x89PNG|\xff\xd8\xff|GIF8|II\*\0|MM\0\*|RIFF....WEBP|BM....\0\0\0\0", "a picture", _NOT_A_RECORDING),
         (rb"\x7fELF|MZ.{0,20}\0", "a program", _NOT_A_RECORDING),
-        (rb"\s*<(?i:!doctype|html|\?xml|svg|gpx)", "an HTML or XML file", _EXPORT_NUMBERS),
+        (rb"\s*<(?i:!doctype|html|\?xml|svg|gpx)", "an HTML or XML file", EXPORT_NUMBERS),
         (rb"\{\\rtf", "a text with layout (RTF)", "save it as plain text"),
-        # Not JSON objects without nested values, which are read as columns.
-        (
-            rb"(?!\s*\[?\s*\{[^\[\]{}\n]+\}\s*(?:,?\s*[\]{]|\Z))\s*[\[{]\s*(?:[\[{\"\]}]|-?\d[\d.eE+-]*\s*(?:,|\]?\s*\Z))",
-            "a JSON file",
-            _EXPORT_NUMBERS,
-        ),
     )
 )
 """Files of other kinds: the beginning, a name for an error, and what to do with them."""

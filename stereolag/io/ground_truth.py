@@ -47,8 +47,8 @@ AS_DEPTH = (
     "The ground truth looks like depth, not disparity: save focal length × baseline / depth, in px, in place of it."
 )
 
-OTHER_DIVISORS = tuple(sign * size for size in (1.0, 16.0, 64.0, 100.0, 128.0, 256.0) for sign in (1, -1))
-"""Divisors of files with more than 8 bits: OpenCV 16, KITTI and Spring 256, DrivingStereo 128 or 256; the software of a
+OTHER_DIVISORS = tuple(sign * size for size in (1.0, 16.0, 32.0, 64.0, 100.0, 128.0, 256.0) for sign in (1, -1))
+"""Divisors of files with more than 8 bits: OpenCV 16, CREStereo 32, KITTI and Spring 256, DrivingStereo 128 or 256; a
 stereo camera may use the opposite sign."""
 
 

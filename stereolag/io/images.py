@@ -443,25 +443,26 @@ def parse_netpbm(data: bytes, what: str, *, as_stored: bool = False) -> npt.NDAr
 
 
 def parse_pfm(data: bytes, what: str) -> npt.NDArray[np.floating[Any]]:
-    """Return the (rows, cols) floats of a grey PFM, top row first: a view of the file in its byte order.
+    """Return the (rows, cols) floats of a PFM, with a third axis for colours, top row first: a view of the file.
 
     The sign of the scale gives the byte order; its magnitude, which writers use in different ways, is ignored.
 
     Raises
     ------
     ValueError
-        Colour, a broken header, too many pixels or too few bytes.
+        A broken header, too many pixels or too few bytes.
     """
-    header = _netpbm_header(data, b"Pf", 3)
+    header, channels = _netpbm_header(data, data[:2], 3), 3 if data.startswith(b"PF") else 1
     if header is None:
-        raise ValueError(f"The {what} is not a grey PFM: it must begin with Pf, width, height and scale.")
+        raise ValueError(f"The {what} is not a PFM: it must begin with Pf or PF, width, height and scale.")
     width, height, written, offset = header
     check_pixels(width, height, what)
     scale = float(written) if re.fullmatch(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", written[:40]) else 0.0
     if scale == 0 or not np.isfinite(scale):
         shown = re.sub(r"[^-+.\w]", "?", written[:40].decode("latin-1"))
         raise ValueError(f"The {what} (PFM) has the scale {shown}; allowed are numbers other than 0.")
-    return _binary_pixels(data, offset, np.dtype("<f4" if scale < 0 else ">f4"), width, height, what)[::-1]
+    pixels = _binary_pixels(data, offset, np.dtype("<f4" if scale < 0 else ">f4"), width * channels, height, what)
+    return (pixels if channels == 1 else pixels.reshape(height, width, 3))[::-1]
 
 
 def _netpbm_header(data: bytes, magic: bytes, count: int) -> tuple[int, int, bytes, int] | None:
@@ -470,7 +471,7 @@ def _netpbm_header(data: bytes, magic: bytes, count: int) -> tuple[int, int, byt
     if found is None or not (found[1].isdigit() and found[2].isdigit()):
         return None
     end = found.end()
-    line_end = 2 if magic == b"Pf" and data[end : end + 2] == b"\r\n" else 1
+    line_end = 2 if magic in (b"Pf", b"PF") and data[end : end + 2] == b"\r\n" else 1
     return _small_integer(found[1]), _small_integer(found[2]), found[3] if count == 3 else b"", end + line_end
 
 

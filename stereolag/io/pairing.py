@@ -9,7 +9,7 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from stereolag.core.inputs import Image
 from stereolag.geometry.boards import MAX_PAIRS
@@ -52,9 +52,9 @@ def _number(before: str, number: str) -> str:
 
 CONVENTIONS: tuple[tuple[str, str], ...] = (
     (_word("left"), _word("right")),
-    (r"(?<![A-Za-z])[lL](?![A-Za-z])", r"(?<![A-Za-z])[rR](?![A-Za-z])"),
+    (r"(?:(?<![A-Za-z])[lL]|(?<=[a-z])L)(?![A-Za-z])", r"(?:(?<![A-Za-z])[rR]|(?<=[a-z])R)(?![A-Za-z])"),
     (_number("image", "0*2"), _number("image", "0*3")),  # KITTI's colour cameras, before its grey ones
-    (_number("im(?:age|g)?", "0+"), _number("im(?:age|g)?", "0*1")),
+    (_number("(?:im(?:age|g)?|colou?red)", "0+"), _number("(?:im(?:age|g)?|colou?red)", "0*1")),
     (_number("cam(?:era)?", "0+"), _number("cam(?:era)?", "0*1")),
     (_number("cam(?:era)?", "0*1"), _number("cam(?:era)?", "0*2")),
     (_number("view", "0+"), _number("view", "0*1")),
@@ -67,7 +67,9 @@ CONVENTIONS: tuple[tuple[str, str], ...] = (
 """Differences between the names of left and right images, the most reliable first: one pattern for each side, searched
 in all folder names and in the file name without its suffix."""
 
-_TRUTH = re.compile(r"(?<![a-z])(gt|truth|ground[-_ ]?truth|disp(?:arity|arities|map)?)(?![a-z])", re.IGNORECASE)
+_TRUTH = re.compile(
+    r"(?<![A-Za-z])(?i:gt|truth|ground[-_ ]?truth|disp(?:arity|arities|map)?)(?=[LR]?(?![A-Za-z]))(?P<number>[-_]?\d+)?"
+)
 _NOT_A_PICTURE = re.compile(r"(?<![a-z])(mask|valid|occ|nocc|nonocc|conf(?:idence)?|depth)(?![a-z])", re.IGNORECASE)
 _CALIBRATION = re.compile(
     r"calib|camera|intrinsic|extrinsic|stereo|chain|(?:^|/)(?:K\.txt|SN\d*\.conf)$", re.IGNORECASE
@@ -75,10 +77,10 @@ _CALIBRATION = re.compile(
 _SPLIT_CALIBRATIONS = (re.compile("intrinsic|extrinsic", re.IGNORECASE), re.compile("left|right", re.IGNORECASE))
 """Words that tell the two files of a calibration apart: in OpenCV's sample, and in ROS."""
 
-_RIGHT_SIDE = re.compile(r"(?<![a-z])(?:right|r)(?![a-z])", re.IGNORECASE)
-_SIDE_NUMBER = re.compile(r"disp[a-z]*[-_]?(\d+)$", re.IGNORECASE)
+_RIGHT_SIDE = re.compile(r"(?<![A-Za-z])(?i:right|r)(?![A-Za-z])|(?<=[a-z])R(?![A-Za-z])")
+_SIDE_NUMBER = re.compile(r"disp[a-z]*[-_]?(\d+)", re.IGNORECASE)
 _DIGITS = re.compile(r"\d+")
-_SIDE_OR_KIND = (_TRUTH, *(re.compile(part) for both in CONVENTIONS[:2] for part in both))
+_SIDES = tuple(re.compile(part) for both in CONVENTIONS[:2] for part in both)
 
 
 def matched_pairs(names: Sequence[str]) -> list[PairFiles]:
@@ -170,7 +172,10 @@ class _Truths:
         self._one_pair = len(pairs) == 1
         self._by_folder = _grouped(names, _folder)
         self._by_bare_name = _grouped(names, lambda name: (self._owner(name), _bare_name(name)))
+        # The number of disp0_teddy is that of the left camera.
+        self._by_plain_name = _grouped(names, lambda name: (self._owner(name), _bare_name(_TRUTH.sub("", name))))
         self._by_numbers = _grouped(names, lambda name: (self._owner(name), _numbers(name)))
+        self._by_last_numbers = _grouped(names, lambda name: (self._owner(name), _numbers(_TRUTH.sub("", name))))
 
     def of(self, pair: PairFiles) -> str | None:
         """Return the ground truth that belongs to a pair and to no other; None if there is none."""
@@ -180,11 +185,18 @@ class _Truths:
             return min(beside, key=lambda name: (_NOT_A_PICTURE.search(name) is not None, len(name), name))
         if self._one_pair and len(self._names) == 1:
             return self._names[0]
-        bare, numbers = _bare_name(pair.left), _numbers(pair.left)
-        owners = (None, folder)
-        found = [name for owner in owners for name in self._by_bare_name.get((owner, bare), [])] if bare else []
-        if not found and numbers and not self._one_pair:
-            found = [name for owner in owners for name in self._by_numbers.get((owner, numbers), [])]
+        common = pair.name.replace("\0", "") + "."  # without the side, and without a suffix
+        searches: list[tuple[dict[tuple[str | None, Any], list[str]], Any]] = [
+            (self._by_bare_name, _bare_name(pair.left)),
+            (self._by_bare_name, _bare_name(common)),
+            (self._by_plain_name, _bare_name(common)),
+        ]
+        if not self._one_pair:
+            searches += [(self._by_numbers, _numbers(common)), (self._by_last_numbers, _numbers(common))]
+        found: list[str] = []
+        for names, wanted in searches:
+            matching = [name for owner in (None, folder) for name in names.get((owner, wanted), [])] if wanted else []
+            found = found or [name for name in matching if not _numbered_as_right(name, pair)]
         return min(found, key=lambda name: (_folder_distance(name, pair.left), "noc" in name, name), default=None)
 
     def _owner(self, name: str) -> str | None:
@@ -194,10 +206,10 @@ class _Truths:
 
 
 def _numbered_as_right(name: str, pair: PairFiles) -> bool:
-    """Return whether a ground truth has a number, like Middlebury's disp1.png, other than the left image's."""
+    """Return whether a ground truth has a number, like Middlebury's disp1.png, that is the right image's."""
     number = _SIDE_NUMBER.search(PurePosixPath(name).stem)
-    sides = [_DIGITS.findall(PurePosixPath(side).stem)[-1:] for side in (pair.left, pair.right)]
-    return bool(number and sides[0] != sides[1] and sides[0] != [number[1]])
+    left, right = (_DIGITS.findall(PurePosixPath(side).stem)[-1:] for side in (pair.left, pair.right))
+    return bool(number and left != right == [number[1]])
 
 
 class _Calibrations:
@@ -239,7 +251,8 @@ def _unambiguous(names: Sequence[str]) -> tuple[str, ...]:
 def _bare_name(name: str) -> str:
     """Return a file's name without folders, suffix, separators and the words for its side or kind."""
     stem = PurePosixPath(name).stem
-    for pattern in _SIDE_OR_KIND:
+    stem = _TRUTH.sub(lambda kind: kind["number"] or "", stem)
+    for pattern in _SIDES:
         stem = pattern.sub("", stem)
     return re.sub(r"[-_ .]+", "", stem).casefold()
 

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import codecs
 import itertools
+import json
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from datetime import date, datetime, timedelta
-from typing import TypeAlias
+from typing import Any, TypeAlias
 from zoneinfo import ZoneInfo
 
 import numpy as np
 
+from stereolag.io.formats import EXPORT_NUMBERS, WHAT
 from stereolag.io.sources import HEADER_BYTES
 
 SEARCHED_SIZE = 2**20
@@ -52,6 +54,19 @@ _RARE_STAMPS: tuple[tuple[re.Pattern[str], Replacement], ...] = (
         ),
         r"\g<day>-\g<month>-\g<year> \g<clock>\g<zone>",
     ),
+    (  # Mon May 13 2024 10:15:00 GMT+0200 (Central European Summer Time), as JavaScript writes it
+        re.compile(r"\b[A-Z][a-z]{2} ([A-Z][a-z]{2}) (\d\d) ((?:19|20)\d\d) (?=\d\d:\d\d:\d\d)"),
+        r"\2-\1-\3 ",
+    ),
+    (
+        re.compile(r"(?<=\d) (?:GMT|UTC)([+-]\d{1,2}):?([0-5]\d)?\b(?: \([A-Za-z ]+\))?"),
+        lambda zone: f"{int(zone[1]):+03}:{zone[2] or '00'}",
+    ),
+    # 2024-05-13 10:15:00 0.5,1.5
+    (
+        re.compile(r"^(\d{4}-\d\d-\d\d[ T][\d:.]+) (?=[-+]?\d*\.\d+,|[-+]?\d+,[-+]?\d*\.\d)", re.MULTILINE),
+        r"\1, ",
+    ),
     # 2024-134T10:15:00, a day of the year
     (re.compile(r"(?<![\w:./-])((?:19|20)\d\d)([-:])([0-3]\d\d)(?:T|\2)(?=\d\d:\d\d)"), _calendar_date),
     (  # 2024-05-13 10:15:00 Europe/Berlin
@@ -65,6 +80,9 @@ _RARE_STAMPS: tuple[tuple[re.Pattern[str], Replacement], ...] = (
     ),
     (re.compile(r"'\[?(\d{1,5}:\d\d[:\d.]*)(?: (\d\d/\d\d/\d{4})\])?'"), r"\2 \1"),  # as PhysioNet writes times
     (re.compile(r"(?<=\d) Uhr\b"), ""),
+    (re.compile(r"(?<=\d) ?([AaPp])\. [Mm]\."), r"\1M"),  # 10:58:00 p. m., as in Spanish
+    (re.compile(r"(?:上午|오전) ?(\d{1,2}:[\d:.]+)"), r"\1AM"),
+    (re.compile(r"(?:下午|오후) ?(\d{1,2}:[\d:.]+)"), r"\1PM"),
 )
 _STAMPS_WITHOUT_COLON: tuple[tuple[re.Pattern[str], Replacement], ...] = (
     (  # 13.05.2024 10.15.00, 2024-05-13_10-15-00
@@ -74,6 +92,17 @@ _STAMPS_WITHOUT_COLON: tuple[tuple[re.Pattern[str], Replacement], ...] = (
         ),
         r"\1\3\4:\6:\7",
     ),
+    (  # 13.05.2024 22.58 before another mark between columns than the space within
+        re.compile(
+            r"((?:19|20)\d\d-\d\d-\d\d|\b\d{1,2}([./-])\d{1,2}\2(?:19|20)\d\d) ([0-2]?\d)\.([0-5]\d)(?=\"?[;,\t])"
+        ),
+        r"\1 \3:\4",
+    ),
+    (re.compile(r"((?:19|20)\d\d)年(\d{1,2})月(\d{1,2})日"), r"\1-\2-\3"),
+    (
+        re.compile(r"(\d{1,2})[時时点](\d{1,2})分(?:(\d{1,2})秒)?"),
+        lambda clock: ":".join(filter(None, clock.groups())),
+    ),
     (  # 10h15, 10 h 15 min 30 s
         re.compile(r"(?<![\w.])(\d{1,2}) ?h ?([0-5]\d)(?: ?(?:min|mn?|')(?: ?([0-5]\d)(?: ?s)?)?)?(?!\.?\w)"),
         lambda clock: ":".join(filter(None, clock.groups())),
@@ -82,12 +111,14 @@ _STAMPS_WITHOUT_COLON: tuple[tuple[re.Pattern[str], Replacement], ...] = (
 
 _STRAY_NULS = re.compile(r"(?<=[0-9.])\0+(?=[ \t,;\n]|\Z)")
 """NUL characters directly after a complete number."""
-_SPACES = dict.fromkeys(map(ord, "\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}\N{THIN SPACE}"), " ")
+_PLAIN = str.maketrans("\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}\N{THIN SPACE}\N{MINUS SIGN}’", "   -'")
 
 _COMMENT = re.compile(r"^[ \t]*(?:#(?!N/A)|%|//)[^\n]*|(?<=[\d.])[ \t]+(?:#|//)[^\n]*", re.MULTILINE)
 _SPACE_IN_VALUE = re.compile(r"(?<![\w.])([+-]) +(?=[\d.])|(?<=\d) +([AaPp]\.?[Mm]\b\.?)")
 """A space after a sign, or before AM and PM, where it does not separate columns."""
-_LOG_PREFIX = re.compile(r"^(?:(?P<time>[\d:.]+) -> |\[ *(?P<within>[\d/T-]*[ \d]*[:.][\d:.]*)\][ \t]*)", re.MULTILINE)
+_LOG_PREFIX = re.compile(
+    r"^(?:(?P<time>[\d:.]+) -> |\[ *(?P<within>(?:\d[\w/-]*)?[ \d]*[:.][\d:.]*)\][ \t]*)", re.MULTILINE
+)
 """The mark that a serial monitor (Arduino, CoolTerm) or a log writes after the time, or around it."""
 _SERIES = re.compile(
     r"^TIMESERIES (?P<name>\S+), \d+ samples?, (?P<rate>[\d.]+) sps, "
@@ -104,7 +135,8 @@ _LABEL = re.compile(
     r"|(?<![\w.\"'])(?P<bare>[A-Za-zµ°_][\w .()/%²°µ-]{0,40}?)\s?[:=]\s?(?=[-+]?\.?\d)"
 )
 _OBJECTS = re.compile(r"\[?\s*\{[^\[\]{}\n]+\}\s*(?:,?\s*[\]{]|\Z)")
-_NEXT_OBJECT = re.compile(r"\}\s*,\s*\{")
+_JSON = re.compile(r"\s*[\[{]\s*(?:[\[{\"\]}]|-?\d[\d.eE+-]*\s*(?:,|\]?\s*\Z))")
+"""The beginning of JSON, unlike that of a line after its time in brackets."""
 _OBJECT = re.compile(r"^[ \t]{0,9}\[?[ \t]{0,9}\{|\}[ \t]{0,9},?[ \t]{0,9}\]?[ \t]{0,9}$", re.MULTILINE)
 PROBED_LINES = 400
 """Lines from which the labels of values are recognised."""
@@ -128,7 +160,7 @@ def decode_text(data: bytes) -> str:
         except UnicodeDecodeError:
             text = data.decode("latin-1")
     text = text.removesuffix("\x1a").replace("\r\n", "\n").replace("\r", "\n")
-    return text.replace("\N{MINUS SIGN}", "-").translate(_SPACES)
+    return text.translate(_PLAIN)
 
 
 def without_nuls(text: str) -> tuple[str, int]:
@@ -166,6 +198,58 @@ def without_comments(text: str) -> str:
     return _replace_if_marked(text, ("+ ", "- ", "M", "m"), _SPACE_IN_VALUE, r"\1\2")
 
 
+def columns_of_json(text: str) -> str:
+    """Return JSON, or JSON in every line, as columns between tabs below their names; any other text unchanged.
+
+    It holds rows, each an object, a list or a number, or columns by their names; what else it holds becomes the
+    heading. The last line may be cut off.
+
+    Raises
+    ------
+    ValueError
+        JSON that is broken, or holds neither rows nor columns.
+    """
+    if not _JSON.match(text[:HEADER_BYTES]):
+        return text
+    lines = [line for line in text.split("\n") if line.strip()]
+    heading, rows, table = "", list[Any](), list[dict[str, Any]]()
+    with suppress(ValueError, RecursionError):
+        for line in lines:
+            rows.append(json.loads(line))
+    with suppress(ValueError, RecursionError):
+        tree = rows if 1 < len(rows) >= len(lines) - 1 else json.loads(text)
+        if isinstance(tree, dict):
+            found = dict(_leaves(tree, "", lists=False))
+            columns = {name: leaf for name, leaf in found.items() if isinstance(leaf, list)}
+            longest = max(map(len, columns.values()), default=0)
+            heading = "".join(f"{name}: {leaf}\n" for name, leaf in found.items() if name not in columns)
+            columns = {name: leaf for name, leaf in columns.items() if len(leaf) == longest}
+            tree = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+            if len(columns) == 1 and any(isinstance(row, dict | list) for row in next(iter(columns.values()))):
+                (tree,) = columns.values()
+        table = [dict(_leaves(row, "", lists=True)) for row in tree]
+    names = dict.fromkeys(name for row in table for name in row)
+    if not table or len(names) * len(table) > len(text):  # names of which most rows have no value
+        if holds_objects(text):
+            return text
+        raise ValueError(f"The {WHAT} is a JSON file, which is not read: {EXPORT_NUMBERS}.")
+    fields: list[Iterable[str]] = [
+        [] if all(map(str.isdigit, names)) else names,
+        *([str(row.get(name, "nan")) for name in names] for row in table),
+    ]
+    return heading + "\n".join("\t".join(re.sub(r"\s", " ", field) for field in row) for row in fields)
+
+
+def _leaves(tree: Any, name: str, *, lists: bool) -> Iterator[tuple[str, Any]]:
+    """Yield the values in nested objects, and in lists if these are taken apart, by their names joined by points."""
+    children = tree.items() if isinstance(tree, dict) else enumerate(tree) if lists and isinstance(tree, list) else None
+    if children is None:
+        yield name, "nan" if tree is None else tree
+    else:
+        for key, child in children:
+            yield from _leaves(child, f"{name}.{key}" if name else str(key), lists=lists)
+
+
 def holds_objects(text: str) -> bool:
     """Return whether a text consists of JSON objects."""
     return bool(_OBJECTS.match(text[:HEADER_BYTES].lstrip()))
@@ -181,7 +265,7 @@ def without_labels(text: str) -> tuple[str, list[str]]:
     ValueError
         A line with other labels than the first one, or in another order.
     """
-    lines = _NEXT_OBJECT.sub("}\n{", text).split("\n")
+    lines = text.split("\n")
     probed = [_labels(line) for line in lines[:PROBED_LINES]]
     labels, count = Counter(filter(None, probed)).most_common(1)[0] if any(probed) else ((), 0)
     if 2 * count <= sum(map(bool, probed)):

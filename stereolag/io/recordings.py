@@ -20,7 +20,7 @@ from stereolag.core.arrays import Vector
 from stereolag.core.typography import counted
 from stereolag.io.arrays import MAT_MAGIC, NPY_MAGIC, mat_arrays, npz_arrays, parse_npy
 from stereolag.io.clocks import Channels, Recording, check_size, chosen_track, float_type
-from stereolag.io.column_clocks import is_time_heading, recording_from_table, times_from_numbers
+from stereolag.io.column_clocks import is_time_heading, recording_from_table, time_unit, times_from_numbers
 from stereolag.io.columns import MAX_STATED, MIN_STATED, read_columns
 from stereolag.io.formats import UNPACK, WHAT, check_text, sound_format
 from stereolag.io.sounds import read_sound
@@ -30,8 +30,13 @@ from stereolag.io.stamps import read_stamps
 if TYPE_CHECKING:
     from stereolag.signals import SignalLag
 
-_RATE_NAMES = re.compile(r"f_?s|sr|f_?sample|(?:sampl\w*_?)?(?:rate|freq(?:uency)?)", re.IGNORECASE)
-_STEP_NAMES = re.compile(r"dt|ts|(?:sampl\w*_?)?(?:interval|period|increment)", re.IGNORECASE)
+_RATE_NAMES = re.compile(
+    r"(?:f_?s|sr|f_?sample|(?:sampl\w*_?)?(?:rate|freq(?:uency)?))(?:_?(?P<kilo>k?)hz)?", re.IGNORECASE
+)
+_STEP_NAMES = re.compile(
+    r"(?:dt|ts|t?(?:sampl\w*_?)?(?:interval|period|increment)|sampl\w*_?time|x_?inc(?:rement)?)(?:_[num]?s(?:ec)?)?",
+    re.IGNORECASE,
+)
 
 
 def read_signal(source: Source, *, track: int | str = 1) -> Recording:
@@ -108,13 +113,16 @@ def read_signal(source: Source, *, track: int | str = 1) -> Recording:
 def _read_npz(data: bytes) -> dict[str, npt.NDArray[Any]]:
     """Return the arrays of numbers in an NPZ archive; the error for any other archive names its kind."""
     archive = read_archive(data)
-    arrays = npz_arrays(archive, WHAT, "biufM")
+    arrays = npz_arrays(archive, WHAT, "biufMm")
     if not arrays:
         names = set(archive.names)
         office = "xl/workbook.xml" in names or "content.xml" in names
         what, remedy = ("a workbook (XLSX, ODS)", "save the sheet as CSV") if office else ("a ZIP archive", UNPACK)
         raise ValueError(f"The {WHAT} is {what}, which is not read: {remedy}.")
-    return arrays
+    return {
+        name: array.astype("timedelta64[ns]").astype(np.float64) / 1e9 if array.dtype.kind == "m" else array
+        for name, array in arrays.items()
+    }
 
 
 def _check_samples(shape: tuple[int, ...]) -> None:
@@ -160,12 +168,13 @@ def _stated_rate(arrays: Mapping[str, npt.NDArray[Any]]) -> float | None:
     numbers = {
         name: float(array.flat[0]) for name, array in arrays.items() if array.size == 1 and array.dtype.kind in "iuf"
     }
-    rates = (
-        value if _RATE_NAMES.fullmatch(name) else 1 / value
-        for name, value in numbers.items()
-        if MIN_STATED < value < MAX_STATED and (_RATE_NAMES.fullmatch(name) or _STEP_NAMES.fullmatch(name))
-    )
-    return next(rates, None)
+    for name, value in numbers.items():
+        if MIN_STATED < value < MAX_STATED:
+            if named := _RATE_NAMES.fullmatch(name):
+                return value * (1000 if named["kilo"] else 1)
+            if _STEP_NAMES.fullmatch(name):
+                return 1 / (value * (time_unit(name) or 1.0))
+    return None
 
 
 def _channels(array: npt.NDArray[Any], form: str) -> Channels:

@@ -21,7 +21,11 @@ _EPOCH_DAY = date(1970, 1, 1).toordinal()
 _MONTHS = {
     name: number
     for number, names in enumerate(
-        ("jan", "feb", "mar", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov", "dec dez"), start=1
+        (
+            *("jan ene gen", "feb fév fev", "mar mär mrt", "apr avr abr", "may mai mei maj mag", "jun juin giu"),
+            *("jul juil lug", "aug aoû ago", "sep set", "oct okt ott out", "nov", "dec dez déc dic"),
+        ),
+        start=1,
     )
     for name in names.split()
 }
@@ -36,7 +40,7 @@ _ZONE_HOURS = {
 """Offsets of the zones that logs name by letters, hours ahead of UTC; unknown zones are taken for UTC."""
 
 _DATE = (
-    r"(?P<first>\d{1,4})\.?(?P<mark>[-/. ])(?P<second>\d{1,2}|[A-Za-z]{3,9})\.?(?P=mark)(?P<third>\d{1,4})(?!\d)"
+    r"(?P<first>\d{1,4})\.?(?P<mark>[-/. ])(?P<second>\d{1,2}|[^\W\d_]{3,10})\.?(?P=mark)(?P<third>\d{1,4})(?!\d)\.?"
     r"|(?P<dd>\d{1,2})\.(?P<mm>\d{1,2})\.(?=,?\s*\d{1,2}:)"
     r"|(?P<month>[A-Za-z]{3,9})\.? +(?P<day>\d{1,2}),? +(?P<year>\d{4})|(?P<packed>(?:19|20)\d{6})"
 )
@@ -44,11 +48,12 @@ _CLOCK = (
     r"(?P<h>\d{1,5}):(?P<m>\d{1,2})(?::(?P<s>\d{1,2}))?(?:(?P<point>[.,:])(?P<f>\d{1,9}))?"
     r"|(?P<hms>\d{6})(?:[.,](?P<part>\d{1,9}))?"
 )
-_HALF_AND_ZONE = r"(?P<half>[AaPp])\.?[Mm]\.?)?\s*(?P<zone>Z|[+-]\d\d:?\d\d|(?<=\d)[+-]\d\d|[A-Z]{3,4}"
+_HALF_AND_ZONE = r"(?P<half>[AaPp])(?:\.?[Mm]\.?)?(?![A-Za-z]))?\s*(?P<zone>Z|[+-]\d\d:?\d\d|(?<=\d)[+-]\d\d|[A-Z]{3,4}"
 _STAMP = re.compile(
-    rf"(?:[A-Z][a-z]{{2,8}},? +)?(?:(?:{_DATE}):?)?(?:\s*T|\s*,|_)?\s*(?:(?:{_CLOCK})\s*(?:{_HALF_AND_ZONE})?)?"
+    rf"(?:[A-Z][a-z]{{2,8}},? +)?(?:(?:{_DATE}):?)?(?:\s*T|\s*,|[_-])?\s*(?:(?:{_CLOCK})\s*(?:{_HALF_AND_ZONE})?)?"
 )
-_ISO_STAMP = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d+)?")
+_ISO_STAMP = re.compile(r"(?:1[7-9]|2[01])\d\d-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d+)?")
+"""An ISO time in the years that 64 bits hold in nanoseconds."""
 _MIDNIGHT_STEP_S = -DAY_S / 2
 """Step between times of day, s, below which midnight has passed."""
 
@@ -201,7 +206,8 @@ def _day_number(parts: _DateParts, order: str) -> int:
     if mark == _NO_YEAR_MARK:
         order = "dmy"
     if second.isalpha():
-        second, order = str(_MONTHS.get(second[:3].lower(), 0)), "dmy"
+        month = second.lower()
+        second, order = str(_MONTHS.get(month[:4], _MONTHS.get(month[:3], 0))), "dmy"
     if len(first) > 2:
         order = "ymd"
     elif len(third) > 2 and order == "ymd":

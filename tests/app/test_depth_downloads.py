@@ -18,7 +18,7 @@ from stereolag.core.jobs import Estimate
 from stereolag.figures.legends import Colours
 from stereolag.geometry.calibration import Calibration, StereoRig
 from stereolag.geometry.rectification import turned
-from stereolag.io.disparities import VERTEX
+from stereolag.io.depths import VERTEX
 from stereolag.io.settings import settings_json
 from stereolag.pair import Pair, PairId, Preparation, Rows, assemble_pair, prepare, resized
 from stereolag.stereo.matcher import StereoMatcher

@@ -19,7 +19,8 @@ from stereolag.figures.legends import cloud_ply, coloured_png
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.io.arrays import npy
 from stereolag.io.calibrations import calibration_json
-from stereolag.io.disparities import depth_png, depth_tiff, kitti_png, pfm
+from stereolag.io.depths import depth_png, depth_tiff
+from stereolag.io.disparities import kitti_png, pfm
 from stereolag.io.images import image_png
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json

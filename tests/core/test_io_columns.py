@@ -1,5 +1,6 @@
 """Columns as loggers, oscilloscopes and spreadsheets write them: channels, on the clock of their times."""
 
+import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import UTC, datetime, timedelta
@@ -65,6 +66,8 @@ ELAPSED = {
     "seconds": timed("{},{},{}", "t,A,B"),
     "seconds without a heading": timed("{} {} {}"),
     "seconds in brackets, as the kernel logs": timed("[    {}] {} {}"),
+    "trailing tabs": timed("{}\t{}\t{}\t\t", "t [ms]\tA\tB\t\t", 1e-3, 0),
+    "a tab above the numbers of rows": rows(lambda i: f"{i}\t{i * 5}\t{A[i]}\t{B[i]}", "\tt [ms]\tA\tB"),
     "trailing commas": timed("{},{},{},", "t,A,B,"),
     "quotes": timed('"{}","{}","{}"', '"t","A","B"'),
     "footer": timed("{},{},{}", "t,A,B") + "\n\nMin,-3.2,-3.1\nMax,3.1,3.2\n",
@@ -88,10 +91,21 @@ ELAPSED = {
     "Tektronix": timed("{},{},{}", "Model,MSO44\nLabel,CH1,CH2\nRecord Length,300\n\nTIME,CH1,CH2"),
     "LeCroy": timed("{},{},{}", "LECROYWS,12345,Waveform\nSegments,1,SegmentSize,300\nTime,Ampl,Ampl"),
     "LabVIEW without times": rows(lambda i: f"\t{A[i]}\t{B[i]}", "Delta_X\t0.005\n***End***\nX_Value\tU\tI\tComment"),
+    "LabVIEW with times for each": rows(
+        lambda i: f"{i / RATE}\t{A[i]}\t{i / RATE}\t{B[i]}", "X_Value\tU\tX_Value\tI\tComment"
+    ),
+    "R with the numbers of rows": rows(lambda i: f'"{i + 1}" {i / RATE} {A[i]} {B[i]}', '"t" "A" "B"'),
+    "OWON": rows(lambda i: f"{i},{A[i]},{B[i]}", "Time interval :,5.0ms,5.0ms\nIndex,A,B"),
+    "an interval in German": rows(lambda i: f"{comma(A[i])};{comma(B[i])}", "Abtastintervall;5 ms\nA;B"),
+    "microseconds by capitals": timed("{},{},{}", "TimeUS,A,B", 1e-6, 0),
+    "Vicon": rows(lambda i: f"{i + 1},{A[i]},{B[i]}", "Devices\n200\n,Force plate,\nFrame,Fx,Fy\n,N,N"),
+    "BIOPAC": timed("{}\t{}\t{}\t", "x.acq\n5 msec/sample\n2 channels\nmin\tA\tB\t\n\t300\t300\t", 60.0, 9),
     "Yokogawa": rows(lambda i: f",{A[i]},{B[i]}", '"Model Name","DL850"\n"HResolution",5.0E-03\n"HUnit","s"'),
     "OpenBCI": rows(lambda i: f"{i % 256}, {A[i]}, {B[i]}, {i / RATE:.3f}", "%Rate = 250 Hz\nIndex, A, B, Time"),
     "decimal commas": rows(lambda i: f"{comma(i / RATE)};{comma(A[i])};{comma(B[i])}", "Zeit [s];U [V];I [A]"),
     "decimal commas in quotes": rows(lambda i: f'"{comma(i / RATE)}","{comma(A[i])}","{comma(B[i])}"', "t,A,B"),
+    "decimal commas between commas": rows(lambda i: f"{comma(i / RATE)},{comma(A[i])},{comma(B[i])}", "t,A,B"),
+    "decimal commas between commas, without names": rows(lambda i: f"{comma(i / RATE)},{comma(A[i])},{comma(B[i])}"),
     "decimal commas and spaces": rows(lambda i: f"{comma(i / RATE)}  {comma(A[i])}  {comma(B[i])}"),
     "Fortran": rows(lambda i: f"  {i / RATE:.3f}  {A[i]:.6e}  {B[i]:.6e}".replace("e", "D")),
     "prices": timed("{},${},{} €", "t,A,B"),
@@ -117,6 +131,9 @@ ELAPSED = {
     "labels and signs of equality": timed("time_s={};A={};B={}"),
     "objects a line": rows(lambda i: f'{{"t": {i / RATE}, "A": {A[i]}, "B": {B[i]}, "id": "s1", "ok": true}}'),
     "objects in one line": "[" + timed('{{"t":{},"A":{},"B":{}}}').replace("\n", ",") + "]",
+    "objects within objects": rows(lambda i: json.dumps({"t": i / RATE, "acc": {"x": A[i], "y": B[i]}})),
+    "an object of columns": json.dumps({"sensor": "s1", "fs": RATE, "acc": {"x": [*A], "y": [*B]}}, indent=1),
+    "rows in an object": json.dumps({"id": 7, "rows": [[i / RATE, A[i], B[i]] for i in range(A.size)]}),
     "names, then a mark of what follows": timed("{} {} {}", "[column names]\ntime A B\n[data]"),
     "a bare rate in the heading": rows(lambda i: f"{A[i]},{B[i]}", "# rate: 200 Hz"),
     "ActiGraph": rows(lambda i: f"{A[i]},{B[i]}", "--- Created By ActiGraph GT3X+ date format M/d/yyyy at 200 Hz ---"),
@@ -179,6 +196,28 @@ DATED = {
         lambda i: f"{int(START_S) * 10**9 + i * 5_000_000},{i / RATE},{A[i]},{B[i]}", "time,seconds_elapsed,z,y"
     ),
     "Excel's serial days": timed("{},{},{}", "Date,A,B", 86_400, 10, START_S / 86_400 + 25_569),
+    "Julian days": timed("{},{},{}", "BJD_TDB,A,B", 86_400, 10, START_S / 86_400 + 2_440_587.5),
+    "modified Julian days": timed("{},{},{}", "MJD,A,B", 86_400, 10, START_S / 86_400 + 40_587),
+    "ticks of .NET": rows(
+        lambda i: f"{621_355_968 * 10**9 + int(START_S) * 10**7 + i * 50_000},{A[i]},{B[i]}", "t,A,B"
+    ),
+    "seconds and nanoseconds": rows(
+        lambda i: f"{int(START_S) + i // RATE},{i % RATE * 5_000_000},{A[i]},{B[i]}", "stamp.secs,stamp.nsecs,A,B"
+    ),
+    "a date as a number": dated("%Y%m%d,%H:%M:%S.%L", "{},{},{}", "Date,Time,A,B"),
+    "beside the start": dated("2024-05-13T10:00:00Z,%Y-%m-%dT%H:%M:%S.%LZ", "{},{},{}", "start,time,A,B"),
+    "JavaScript": dated("%a %b %d %Y %H:%M:%S.%L GMT+0000 (Coordinated Universal Time)", "{},{},{}", "Time,A,B"),
+    "hours from Greenwich": dated("%Y-%m-%d %H:%M:%S.%L UTC+0", "{},{},{}", "Time,A,B"),
+    "a dash between": dated("%Y/%m/%d-%H:%M:%S.%L", "{},{},{}", "Time,A,B"),
+    "CoolTerm": dated("%Y-%m-%d %H:%M:%S.%L", "{} {},{}"),
+    "Tera Term": dated("[%a %b %d %H:%M:%S.%L %Y]", "{} {},{}"),
+    "Lascar, its serial number behind the first row": rows(
+        lambda i: f"{i + 1},{DATE_12(i)},{A[i]},{B[i]}" + ",010041234" * (i == 0),
+        "EL-USB-2,Time,A(V),B(V),Serial Number",
+    ),
+    "Hungarian": dated("%Y. %m. %d. %H:%M:%S.%L", "{};{};{}", "Idő;A;B"),
+    "Spanish": dated("%d/%m/%Y %H:%M:%S.%L a. m.", "{};{};{}", "Fecha;A;B"),
+    "Japanese": dated("%Y年%m月%d日 %H:%M:%S.%L", "{},{},{}", "時刻,A,B"),
     "MATLAB's days": timed("{},{},{}", "datenum time,A,B", 86_400, 10, START_S / 86_400 + 719_529),
 }
 
@@ -362,6 +401,10 @@ MIDNIGHT, EVENING, OVER_MIDNIGHT, OCTOBER = (
         ("date,time,A", "%y%m%d,%H%M%S", 1, OVER_MIDNIGHT),
         ("<DATE>,<TIME>,A", "%Y%m%d,%H%M%S", 300, START),
         ("", "%Y-%m-%d %H:%M:%S Europe/Berlin", 1, START),
+        ("Time,A", "%d.%m.%Y %H.%M", 60, START),
+        ("Date,Time,A", "%d.%m.%Y,%H.%M", 60, START),
+        ("time,A", "%Y-%m-%d %H:%M:%S", 3_600, datetime(1600, 1, 1, tzinfo=UTC)),
+        ("time,A", "%Y-%m-%d %H:%M:%S", 3_600, datetime(2300, 1, 1, tzinfo=UTC)),
     ],
 )
 def test_dates_are_told_from_other_digits(heading: str, pattern: str, seconds: float, start: datetime) -> None:
@@ -393,9 +436,11 @@ def test_without_dates_time_counts_from_midnight(pattern: str, seconds: float, s
         ("05/13/2024 12:30:00 AM", "00:30:00"),
         ("05/13/2024 12:30:00 PM", "12:30:00"),
         ("05/13/2024 1:30:00.5 p.m.", "13:30:00.5"),
+        ("05/13/2024 1:30p", "13:30:00"),
         ("2024-05-13T12:30:00+02:00", "10:30:00"),
         ("2024-05-13 12:30:00 -0530", "18:00:00"),
         ("13. Mai 2024 12:30", "12:30:00"),
+        ("13 maj 2024 12:30", "12:30:00"),
     ],
 )
 def test_halves_of_the_day_zones_and_months(text: str, clock: str) -> None:
@@ -472,6 +517,7 @@ def test_numbers_around_zero_without_a_sign_are_no_counter() -> None:
     [
         (",", ".", 0, '{},"{}"'),
         (",", ".", 1, '{},"{}"'),
+        ("’", ".", 1, "{};{}"),
         (",", ".", 0, "{};{}"),
         (",", ".", 1, "{}\t{}"),
         (".", ",", 1, "{};{}"),
@@ -487,6 +533,30 @@ def test_thousands_may_be_set_apart(mark: str, point: str, decimals: int, row: s
     text = "\n".join(["t" + row[2] + "A", *(row.format(index, field) for index, field in enumerate(fields))])
     assert any(mark in field for field in fields) and any(len(field) <= 3 + 2 * decimals for field in fields)
     np.testing.assert_array_equal(read(text).channels, values[None])
+
+
+def test_null_in_json_is_a_missing_value_and_names_without_most_values_are_refused() -> None:
+    values = [None if index == 7 else value for index, value in enumerate(A.tolist())]
+    recording = read(json.dumps(values))
+    assert recording.mended_lines == 1
+    np.testing.assert_array_equal(np.delete(recording.channels[0], 7), np.delete(A, 7))
+    for text in ("[[" * 2000, json.dumps([{f"k{index}": [index]} for index in range(99)])):
+        with pytest.raises(ValueError, match="is a JSON file, which is not read"):
+            read(text)
+
+
+def test_integers_with_leading_zeros_are_no_decimals_of_other_numbers() -> None:
+    recording = read(rows(lambda i: f"{A[i]},{i % 60:02},{B[i]},{i % 24:02}"))
+    np.testing.assert_allclose(recording.channels, [A, np.arange(A.size) % 60, B, np.arange(A.size) % 24])
+
+
+@pytest.mark.parametrize("mark", [",", "."])
+def test_a_single_mark_is_of_thousands_between_numbers_as_large(mark: str) -> None:
+    for numbers, factor in (("950 1,040 -2,235 12", 1), ("499,667 500 501,333 12", 1e-3)):
+        expected = [float(one.replace(",", "")) * (factor if "," in one else 1) for one in numbers.split()]
+        np.testing.assert_allclose(
+            read(f"A;B\n{numbers}".replace(" ", ";7\n").replace(",", mark) + ";7").channels[0], expected
+        )
 
 
 def test_the_days_of_a_trial_are_no_times() -> None:
@@ -578,7 +648,7 @@ WITH_LOST = [
     ("{B};{A}", [0, 50], 1),
 ]
 MARKED = [(*one, mark) for one in WITH_LOST for mark in ("NaN", "") if mark or one[0] != "{A}"]  # not of blank lines
-MARKED += [(*WITH_LOST[2], mark) for mark in (" ", "---", "#N/A", "-9999")]
+MARKED += [(*WITH_LOST[2], mark) for mark in (" ", "---", "#N/A", "#DIV/0!", "OL", "-9999")]
 
 
 @pytest.mark.parametrize(("row", "lost", "column", "mark"), MARKED)

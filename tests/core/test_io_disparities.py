@@ -2,6 +2,7 @@
 
 import io
 import json
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from ply_reader import read_ply
 import stereolag as sl
 from stereolag import read_disparity, read_image, write_disparity
 from stereolag.io.arrays import npy
+from stereolag.io.depths import ply, too_far
 from stereolag.io.disparities import (
     DISPARITY_FORMATS,
     FORMATS,
@@ -25,8 +27,6 @@ from stereolag.io.disparities import (
     confidence_png,
     kitti_png,
     pfm,
-    ply,
-    too_far,
 )
 from stereolag.io.images import image_png, image_tiff
 
@@ -49,6 +49,41 @@ def pfm_of(disparity: np.ndarray, scale: str = "-1.0") -> bytes:
     rows, cols = disparity.shape
     body = disparity[::-1].astype("<f4" if scale.startswith("-") else ">f4")
     return f"Pf\n{cols} {rows}\n{scale}\n".encode() + body.tobytes()
+
+
+def flo(motion: np.ndarray) -> bytes:
+    return b"PIEH" + np.array(motion.shape[1::-1], "<i4").tobytes() + motion.astype("<f4").tobytes()
+
+
+def exr(channels: list[bytes], values: np.ndarray, dtype: str) -> bytes:
+    """Return an OpenEXR file without compression, all of whose channels hold the same values."""
+    rows, cols = values.shape
+    window, kind = struct.pack("<4i", 0, 0, cols - 1, rows - 1), struct.pack("<4i", 1 + (dtype == "<f4"), 0, 1, 1)
+    entries = [
+        (b"channels\0chlist", b"".join(name + b"\0" + kind for name in channels) + b"\0"),
+        (b"compression\0compression", b"\0"),
+        (b"dataWindow\0box2i", window),
+        (b"displayWindow\0box2i", window),
+        (b"lineOrder\0lineOrder", b"\0"),
+        (b"pixelAspectRatio\0float", struct.pack("<f", 1)),
+        (b"screenWindowCenter\0v2f", bytes(8)),
+        (b"screenWindowWidth\0float", struct.pack("<f", 1)),
+    ]
+    header = b"".join(name + b"\0" + struct.pack("<i", len(value)) + value for name, value in entries)
+    head = b"v/1\x01\2\0\0\0" + header + b"\0"
+    lines = [len(channels) * line.astype(dtype).tobytes() for line in values]
+    size = 8 + len(lines[0])
+    table = b"".join(struct.pack("<Q", len(head) + 8 * rows + row * size) for row in range(rows))
+    return head + table + b"".join(struct.pack("<2i", row, size - 8) + line for row, line in enumerate(lines))
+
+
+@pytest.mark.parametrize("channels", [[b"Y"], [b"B", b"G", b"R"]])
+@pytest.mark.parametrize("dtype", ["<f4", "<f2"])
+def test_a_map_in_an_exr_is_read_and_one_under_another_name_refused(channels: list[bytes], dtype: str) -> None:
+    values = np.random.default_rng(3).uniform(1, 60, (5, 9)).astype(dtype)
+    np.testing.assert_array_equal(read_disparity(exr(channels, values, dtype)), values.astype(np.float32))
+    with pytest.raises(ValueError, match="OpenEXR file without a channel Y or channels RGB"):
+        read_disparity(exr([b"V"], values, dtype))
 
 
 @pytest.mark.parametrize("suffix", [*DISPARITY_FORMATS, ".PNG"])
@@ -156,6 +191,12 @@ def test_what_opencv_writes_below_its_search_is_unknown_wherever_that_begins(fir
         (b"Pf\n2 1\n-1\n\x00\x00\xa0\x7f" + np.float32(3).tobytes(), None, [[np.nan, 3]]),  # a signalling NaN
         (b"Pf\r\n1 1\r\n-1\r\n" + np.float32(3).tobytes(), None, [[3]]),
         (pfm(np.array([[3, 7]], np.uint8)), None, [[3, 7]]),
+        (b"PF\n2 1\n-1\n" + np.repeat([3, 7], 3).astype("<f4").tobytes(), None, [[3, 7]]),
+        (png(np.repeat(np.array([[[24], [8]]], np.uint8), 3, axis=2)), 4, [[6, 2]]),
+        (png(np.full((100, 3), [65535, 0, 512], np.uint16)), None, np.full((100, 3), [np.nan, np.nan, 2])),
+        (flo(np.array([[[-3.5, 0.1], [1e10, 1e10]]])), None, [[3.5, np.nan]]),
+        (npy(np.repeat([[0, 7.5]], 100, axis=0)), None, np.repeat([[np.nan, 7.5]], 100, axis=0)),
+        (npy(np.repeat([[0, 0.5]], 100, axis=0)), None, np.repeat([[0, 0.5]], 100, axis=0)),  # near others
     ],
 )
 def test_special_files(data, divisor, expected):
@@ -169,19 +210,22 @@ def test_special_files(data, divisor, expected):
         (
             b"words",
             {},
-            r"accepted are PFM, PNG, PGM or TIFF of 16 bits .*, and NPY, NPZ or MAT\. This is not an image that can",
+            r"accepted are PFM, EXR or FLO, PNG, PGM or TIFF of 16 bits .*, and NPY, NPZ or MAT\. This is not an image",
         ),
         (png(np.full((2, 2), 9, np.uint8)), {}, "8 bits per pixel: its divisor must be given"),
         (b"P5 1 1 255\n\x07", {}, "8 bits per pixel: its divisor must be given"),
         (npy(np.full((2, 2), 9, np.uint8)), {}, "8 bits per pixel: its divisor must be given"),
         (b"\x89HDF\r\n\x1a\n", {}, r"HDF5 file, as those of Spring \(.dsp5\)"),
         (b"MATLAB 7.3 MAT-file", {}, "version 7.3, which is not read: save it by"),
-        (npy(np.full((2, 2, 3), 9, np.uint8)), {"divisor": 4}, r"shape \(2, 2, 3\); allowed is one channel"),
+        (png(np.arange(12, dtype=np.uint16).reshape(2, 2, 3)), {}, r"shape \(2, 2, 3\); allowed is one channel"),
         (png(np.zeros((2, 2), np.uint16)), {}, "no disparity at all"),
         (png(np.ones((2, 2), np.uint16)), {"divisor": 0}, "divisor is 0"),
         (pfm_of(np.ones((3, 3)))[:-1], {}, "cut short: 3 × 3 pixels need 36 bytes, it has 35"),
         (pfm_of(np.ones((3, 3)), "1e"), {}, "scale 1e"),
-        (b"PF\n1 1\n-1\n" + bytes(12), {}, "not a grey PFM"),
+        (b"PF\n1 1\n-1\n" + bytes(11), {}, "cut short"),
+        (b"v/1\x01" + bytes(90), {}, "OpenEXR file without a channel Y"),
+        (flo(np.full((2, 3, 2), 2)), {}, "holds motion down or up"),
+        (flo(np.ones((2, 3, 2)))[:-1], {}, "cut short"),
         (b"Pf\n0 5\n-1\n", {}, "0 × 5 pixels: it holds none"),
         (b"Pf\n30000 30000\n-1\n", {}, "30000 × 30000 pixels.*at most 50 megapixels"),
         (b"P5\n2 2\n255\n\x01", {}, "cut short: 2 × 2 pixels need 4 bytes, it has 1"),
@@ -209,6 +253,7 @@ def test_the_map_among_the_arrays_of_an_npz_or_mat_is_read_and_of_two_alike_none
         saved_by(np.savez, disparity),
         saved_by(np.savez_compressed, left=disparity + 1, right=disparity + 2, disp=disparity[None], fps=rate),
         saved_by(scipy.io.savemat, {"GT": disparity, "focal": 700.0, "name": "scene"}),
+        saved_by(np.savez, disp_left=disparity, disp_right=disparity + 1),
     ):
         np.testing.assert_array_equal(read_disparity(data), disparity.astype(np.float32))
     with pytest.raises(ValueError, match=r"not the only one in its file, which holds “left” \(9, 11\), “right”"):

@@ -59,7 +59,8 @@ def test_arrays_have_names_to_choose_by_and_a_clock_among_them(pack) -> None:
         assert (recording.tracks, recording.track, recording.sampling_rate) == (("a", "b"), 2, None)
         np.testing.assert_array_equal(recording.channels, [B])
     np.testing.assert_array_equal(read_signal(pack(y=np.stack([A, B]))).channels, [A, B])
-    for clock in ({"fs": 200}, {"SampleRate": 200.0}, {"dt": 0.005}, {"t": T}, {"time_ms": 1000 * T}):
+    rates = {"fs": 200}, {"SampleRate": 200.0}, {"fs_khz": 0.2}, {"dt": 0.005}, {"dt_ms": 5.0}, {"sampleTime": 0.005}
+    for clock in (*rates, {"t": T}, {"ts": T}, {"time_ms": 1000 * T}):
         recording = read_signal(pack(y=A, **clock))
         assert (recording.tracks, recording.sampling_rate) == (("y",), pytest.approx(200))
         np.testing.assert_array_equal(recording.channels, [A])
@@ -88,6 +89,7 @@ def test_dates_of_numpy_beside_an_array_are_its_clock(unit: str) -> None:
     assert (recording.tracks, recording.sampling_rate, recording.epoch) == (("y",), 200, "1970")
     assert recording.start_s == np.datetime64("2024-05-13T10:00:00").astype(int) + 0.5
     np.testing.assert_array_equal(recording.channels, [A])
+    assert read_signal(npz(t=dates - dates[0], y=A)).sampling_rate == 200
     with pytest.raises(ValueError, match=r"holds datetime64.*allowed are integers"):
         read_signal(npz(t=dates))
 
@@ -130,7 +132,8 @@ PICTURE = "a recording is sound or numbers"
         (by_pillow("PNG", PIXELS), "a picture", PICTURE),
         (by_pillow("WEBP", PIXELS), "a picture", PICTURE),
         (b"%PDF-1.7 1 0 obj", "a PDF", NUMBERS),
-        (b'{"time": [1, 2]}', "a JSON file", NUMBERS),
+        (b'{"of": {"time": 1}}', "a JSON file", NUMBERS),
+        (b"[[1, 2],\n[3, 4", "a JSON file", NUMBERS),
         (b"<!DOCTYPE html><html>", "an HTML or XML file", NUMBERS),
         (pickle.dumps([A]), "a pickle of Python", "save the array by numpy.save"),
         (b"TDSm" + bytes(90), "a TDMS file of LabVIEW", NUMBERS),

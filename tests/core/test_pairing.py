@@ -47,6 +47,27 @@ FOLDS: dict[str, tuple[list[str], str]] = {
         ["tsukuba/left.png tsukuba/right.png tsukuba/gt.pgm tsukuba/calib.json"],
         "tsukuba/mask_nonocc.png",
     ),
+    "truth with the number of the left side": (
+        ["im0_a.png im1_a.png disp0_a.pfm", "im0_b.png im1_b.png disp0_b.pfm"],
+        "disp1_a.pfm disp1_b.pfm",
+    ),
+    "truth with the number that both share": (
+        ["01_0.png 01_1.png 01_disp.png", "02_0.png 02_1.png 02_disp.png"],
+        "02_disp_R.png",
+    ),
+    "number of the pair behind": (["a/01_0.png a/01_1.png a/disp_01.png", "a/02_0.png a/02_1.png a/disp_02.png"], ""),
+    "capitals behind": (
+        ["imL_1.png imR_1.png dispL_1.png", "imL_2.png imR_2.png dispL_2.png"],
+        "dispR_1.png dispR_2.png",
+    ),
+    "Spring": (
+        [f"l/frame_left_{n}.png l/frame_right_{n}.png d/disp1_left_{n}.npy" for n in "12"],
+        "d/disp1_right_1.npy",
+    ),
+    "KITTI 2012": (
+        [f"colored_0/{n}_10.png colored_1/{n}_10.png disp_occ/{n}_10.png" for n in "12"],
+        "disp_noc/1_10.png",
+    ),
     "a set without a truth beside one with": (["a/left.png a/right.png a/gt.png", "b/left.png b/right.png -"], ""),
     "OpenCV's two files": (["left01.jpg right01.jpg - extrinsics.yml intrinsics.yml"], "stereo_calib.xml"),
     "ROS's two files": (["left/0.png right/0.png - left.yaml right.yaml"], ""),

@@ -16,16 +16,8 @@ from stereolag.figures.legends import cloud_ply, coloured_png
 from stereolag.geometry.rectification import turned
 from stereolag.io.arrays import npy
 from stereolag.io.calibrations import calibration_json
-from stereolag.io.disparities import (
-    MAX_PNG_DEPTH_M,
-    check_kitti,
-    confidence_png,
-    depth_png,
-    depth_tiff,
-    kitti_png,
-    pfm,
-    too_far,
-)
+from stereolag.io.depths import MAX_PNG_DEPTH_M, depth_png, depth_tiff, too_far
+from stereolag.io.disparities import check_kitti, confidence_png, kitti_png, pfm
 from stereolag.io.images import image_file, image_png
 from stereolag.io.programs import Cameras, opencv_script, script
 from stereolag.io.results import metrics_csv

@@ -390,8 +390,8 @@ def _ask_truth(pictures: Pictures | None) -> Upload[FloatMap] | None:
         guarded(read_stored_disparity),
         key=f"{PAIR}.truth",
         types=DISPARITY_SUFFIXES,
-        note="PFM, TIFF, NPY, NPZ, MAT, or PNG: 16 bits (px × 256, as in KITTI), Sintel’s colours, or 8 bits, whose "
-        "divisor is found from the pair.",
+        note="PFM, EXR, FLO, TIFF, NPY, NPZ, MAT, or PNG: 16 bits (px × 256, as in KITTI), Sintel’s colours, or 8 "
+        "bits, whose divisor is found from the pair.",
     )
     divisor: float | None = st.session_state.get(f"{PAIR}.divisor")
     fit = likely = None
