@@ -8,7 +8,7 @@ chance, no other lag fits as well, and no weight has convincing evidence for ano
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -272,11 +272,16 @@ class _Alignment:
     @property
     def arrivals(self) -> tuple[Arrival, ...]:
         """All lags beyond chance, each once."""
-        found: list[Arrival] = []
-        candidates = [*self.peaks] if self.score > 1 else []
-        for number, candidate in enumerate(candidates):
-            if number == len(self.peaks) - 1 and len(found) > 1:  # two louder echoes hide the direct sound
-                candidates += self.evidence.lower_peaks(self.peaks[0])
+        if self.score <= 1:
+            return ()
+        found = self._with_arrivals((), self.peaks)
+        # Two louder echoes hide the direct sound.
+        return self._with_arrivals(found, self.evidence.lower_peaks(self.peaks[0])) if len(found) > 1 else found
+
+    def _with_arrivals(self, known: tuple[Arrival, ...], peaks: Iterable[Peak]) -> tuple[Arrival, ...]:
+        """Return arrivals with those of more peaks that are beyond chance beside them."""
+        found = [*known]
+        for candidate in peaks:
             curve = self.evidence.curves[candidate.weight]
             apart = max(3, curve.envelope)
             if any(abs(self.shift + candidate.lag - arrival.lag) <= apart for arrival in found):
@@ -416,7 +421,8 @@ def _best(recordings: Recordings, found: FoundLag, searched: range) -> _Alignmen
         gain = alignment.gain_over(best)
         # Evidence is limited by the samples that contribute, which differ from weight to weight.
         enough = min(best.score, 1.0) if over_time.changes and gain > _MIN_CLEAR_GAIN else best.score
-        if gain > 1 and alignment.score > enough:
+        # The heights of peaks say nothing of an inverted recording, which has troughs instead.
+        if (gain > 1 or prefers_opposite) and alignment.score > enough:
             best = alignment
     return replace(best, prefers_opposite=prefers_opposite)
 
