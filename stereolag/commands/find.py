@@ -31,7 +31,9 @@ def run(arguments: Sequence[str]) -> int:
     )
     parser.add_argument("image", metavar="IMAGE", help="PNG, JPEG, HEIC, AVIF, WEBP, BMP, TIFF, PPM, PGM or GIF")
     parser.add_argument("template", metavar="TEMPLATE", help="no larger than the image")
-    parser.add_argument("--mask", metavar="FILE", help="an image of the template's size: its pixels above 0 count")
+    parser.add_argument(
+        "--mask", metavar="FILE", help="an image of the template's size: the weights of its pixels, 0 for none"
+    )
     add_frames(parser, "the image", "the template")
     options, query = SettingsFlags(parser, TemplateQuery()).parsed(arguments)
 

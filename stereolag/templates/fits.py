@@ -509,7 +509,7 @@ class Fit:
         return min(moves, key=lambda plane: float(np.square((self.observed - plane)[where]).sum()))
 
     def block_energies(self) -> Plane:
-        """Return the energy of each block of the template about its own mean, 0 where few of its pixels are valid."""
+        """Return the energy of each block of the template about its own mean, 0 where few of its pixels can disagree."""
         blurred, weights = Blur(self.template_weights)(self._deviations), self.template_weights[:, :, np.newaxis]
         share = block_means(self.template_weights, blocks_of(self.shape))
         means, mean_squares = (
@@ -520,7 +520,8 @@ class Fit:
             for power in (blurred, np.square(blurred))
         )
         energy = np.sum(mean_squares, axis=0) - np.square(means).sum(axis=0)
-        return np.asarray(np.where(share > MIN_JUDGED_SHARE, np.maximum(energy, 0) * share, 0))
+        is_judged = block_means(self.template_weights >= MIN_JUDGED_WEIGHT, blocks_of(self.shape)) > MIN_JUDGED_SHARE
+        return np.asarray(np.where(is_judged, np.maximum(energy, 0) * share, 0))
 
 
 def _inside(weights: Plane, image: Image, row: int, col: int) -> Plane:

@@ -82,6 +82,20 @@ def disagreeing(place: TemplateMatch | Identity) -> int:
     return sum(not agrees for line in place.blocks for agrees in line)
 
 
+@pytest.mark.parametrize("weights", ["ramp", "noise", "soft circle"])
+def test_a_copy_under_a_mask_of_any_weights_is_the_same(weights):
+    random = np.random.default_rng(0)
+    image = random.integers(0, 256, (120, 160)).astype(np.float32)
+    image = cv2.normalize(cv2.GaussianBlur(image, (0, 0), 2), None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
+    circle = cv2.circle(np.zeros((40, 60), np.uint8), (30, 20), 15, 255, -1)
+    mask = {
+        "ramp": np.tile(np.linspace(1, 255, 60).astype(np.uint8), (40, 1)),
+        "noise": random.integers(0, 256, (40, 60), dtype=np.uint8),
+        "soft circle": cv2.GaussianBlur(circle, (0, 0), 4),
+    }[weights]
+    assert match_template(image, image[30:70, 50:110], mask=mask).reason == "clear"
+
+
 @pytest.mark.parametrize("mark", MARKS)
 def test_a_sibling_alone_is_not_found_and_the_blocks_that_differ_are_told(mark: str) -> None:
     for other in MARKS[MARKS.index(mark) :]:
