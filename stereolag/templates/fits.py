@@ -509,7 +509,7 @@ class Fit:
         return min(moves, key=lambda plane: float(np.square((self.observed - plane)[where]).sum()))
 
     def block_energies(self) -> Plane:
-        """Return the energy of each block of the template about its own mean, 0 where few of its pixels can disagree."""
+        """Return the energy of each block of the template about its own mean, 0 where few pixels can disagree."""
         blurred, weights = Blur(self.template_weights)(self._deviations), self.template_weights[:, :, np.newaxis]
         share = block_means(self.template_weights, blocks_of(self.shape))
         means, mean_squares = (
